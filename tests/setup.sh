@@ -1,7 +1,29 @@
 #!/usr/bin/env bash
 # Installs what cargo cannot: OpenCV's and FFmpeg's libraries and headers, clang, which the bindings are generated with,
-# and mosquitto for the tests of MQTT.
+# and mosquitto for the tests of MQTT.   setup.sh
+# Or the browser that pages are tested in.   setup.sh browser
 set -euo pipefail
+
+as_root=()
+[ "$(id -u)" -eq 0 ] || as_root=(sudo)
+# Installs packages; the whole of apt may take MINUTES.   install MINUTES PACKAGES
+install() {
+    local minutes=$1
+    shift
+    echo "installing $*"
+    "${as_root[@]}" timeout "${minutes}m" apt-get update -qq &&
+        DEBIAN_FRONTEND=noninteractive "${as_root[@]}" timeout "${minutes}m" \
+            apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+}
+
+if [ "${1:-}" = browser ]; then
+    command -v chromium >/dev/null && exit 0
+    # Without a browser its tests are skipped, and say so.
+    if ! command -v apt-get >/dev/null || ! install 3 chromium; then
+        echo "chromium cannot be installed here: tests of pages will be skipped" >&2
+    fi
+    exit 0
+fi
 
 missing=()
 pkg-config --exists opencv4 2>/dev/null || missing+=(libopencv-dev) # brings pkg-config along
@@ -24,11 +46,7 @@ EOF
     exit 1
 fi
 
-as_root=()
-[ "$(id -u)" -eq 0 ] || as_root=(sudo)
-echo "installing ${missing[*]}"
-"${as_root[@]}" apt-get update -qq
-DEBIAN_FRONTEND=noninteractive "${as_root[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+install 20 "${missing[@]}"
 # Debian starts a broker for the whole machine, which the tests have no use for.
 if [[ " ${missing[*]} " == *" mosquitto "* && -d /run/systemd/system ]]; then
     "${as_root[@]}" systemctl disable --now mosquitto

@@ -1,11 +1,12 @@
 //! The pinhole camera with OpenCV's distortion: pixels ↔ rays, world ↔ camera.
 
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point2, Point3, Unit, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::{Distortion, Error, Result};
 
 /// Mapping of directions to pixels: image size, focal lengths, principal point, distortion.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// Image width in pixels.
     pub width: u32,

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use calib::Intrinsics;
 use calib::video::FrameSource;
 use image::RgbImage;
+use serde::Serialize;
 
 use crate::{Error, Result};
 
@@ -170,7 +171,7 @@ impl CaptureFile {
 }
 
 /// Mapping from the frames of a capture to the frames of its film.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Sampled {
     /// Index (from 0) in the film of the first frame.
     pub first: usize,

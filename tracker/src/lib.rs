@@ -50,6 +50,7 @@ pub mod method;
 pub mod moment;
 pub mod observation;
 pub mod offsets;
+mod option_checks;
 pub mod plan;
 pub mod prepared_room;
 pub mod publish;

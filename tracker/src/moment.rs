@@ -88,3 +88,23 @@ pub struct PersonEstimate {
     /// silhouette within the image that neither the room nor other people hide; 0 when no part of it is in the image.
     pub visible: Vec<f64>,
 }
+
+#[cfg(test)]
+impl PersonEstimate {
+    /// A person who stands still at a place and is certain, for tests.
+    pub(crate) fn standing(id: u32, x_m: f64, y_m: f64) -> Self {
+        Self {
+            id: TrackId(id),
+            x_m,
+            y_m,
+            z_m: 0.0,
+            radius_m: 0.25,
+            height_m: 1.75,
+            vx: 0.0,
+            vy: 0.0,
+            sigma_m: [0.0; 2],
+            confidence: 1.0,
+            visible: Vec::new(),
+        }
+    }
+}

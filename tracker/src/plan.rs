@@ -89,22 +89,6 @@ mod tests {
     use nalgebra::Vector2;
     use scenes::polygon::Polygon;
 
-    fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
-        PersonEstimate {
-            id: TrackId(id),
-            x_m,
-            y_m,
-            z_m: 0.0,
-            radius_m: 0.25,
-            height_m: 1.7,
-            vx: 0.0,
-            vy: 0.0,
-            sigma_m: [0.0; 2],
-            confidence: 1.0,
-            visible: Vec::new(),
-        }
-    }
-
     #[test]
     fn ways_lie_where_people_went_and_a_gap_stays_open() {
         let folder = tempfile::tempdir().unwrap();
@@ -113,10 +97,13 @@ mod tests {
         let mut plan = TrajectoryPlan::new(folder.path(), &room, folder.path());
         // Along y = 1 from x = 1 to 2, away for three seconds, then from 4 to 5.
         for i in 0..=10 {
-            plan.extend(f64::from(i) * 0.1, &[person(1, 1.0 + 0.1 * f64::from(i), 1.0)]);
+            plan.extend(f64::from(i) * 0.1, &[PersonEstimate::standing(1, 1.0 + 0.1 * f64::from(i), 1.0)]);
         }
         for i in 0..=10 {
-            plan.extend(4.0 + f64::from(i) * 0.1, &[person(1, 4.0 + 0.1 * f64::from(i), 1.0)]);
+            plan.extend(
+                4.0 + f64::from(i) * 0.1,
+                &[PersonEstimate::standing(1, 4.0 + 0.1 * f64::from(i), 1.0)],
+            );
         }
         plan.finish().unwrap();
         let picture = image::open(folder.path().join("plan.png")).unwrap().into_rgb8();
@@ -137,7 +124,7 @@ mod tests {
         let long = MOST_PLACES / 4 - 1;
         for id in 1..=9 {
             for i in 0..long {
-                plan.extend(i as f64, &[person(id, 0.0, 0.0)]);
+                plan.extend(i as f64, &[PersonEstimate::standing(id, 0.0, 0.0)]);
             }
         }
         let kept: Vec<(u32, usize)> = plan.ways.iter().map(|(id, way)| (id.0, way.len())).collect();
@@ -148,7 +135,7 @@ mod tests {
     fn a_room_without_extent_is_as_large_as_where_people_went() {
         let folder = tempfile::tempdir().unwrap();
         let mut plan = TrajectoryPlan::new(folder.path(), &Room::default(), folder.path());
-        plan.extend(0.0, &[person(1, 20.0, 0.0), person(2, 40.0, 10.0)]);
+        plan.extend(0.0, &[PersonEstimate::standing(1, 20.0, 0.0), PersonEstimate::standing(2, 40.0, 10.0)]);
         plan.finish().unwrap();
         let picture = image::open(folder.path().join("plan.png")).unwrap().into_rgb8();
         // 20 m by 10 m: lying, and person 2's colour is on it.

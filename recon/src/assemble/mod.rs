@@ -7,6 +7,7 @@ mod tests;
 use nalgebra::{Similarity3, Vector3};
 use scenes::geometry::{Disc, Geometry};
 use scenes::room::{Room, RoomCamera};
+use serde::{Deserialize, Serialize};
 
 use crate::floor::{self, FloorOptions, FloorReport};
 use crate::fusion::{self, FusionOptions, FusionReport};
@@ -22,7 +23,8 @@ use join::JoinedCameras;
 const DOUBTFUL_DEPTH: f64 = 0.015;
 
 /// Options of a room's assembly.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct AssembleOptions {
     /// Options of joining cameras.
     pub merge: MergeOptions,

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::ValueEnum;
 use recon::dense::DenseOptions;
-use recon::motion::MotionOptions;
 use recon::pipeline::{self, BuildOptions, BuildReport};
 use shell::console::{Console, ProgressStages};
 
@@ -33,8 +32,12 @@ pub(crate) struct Build {
     #[arg(long, value_name = "FILE")]
     zones: Option<PathBuf>,
     /// Effort spent on stereo: a draft shows whether picks, floor and metres are right.
-    #[arg(long, value_enum, default_value_t = Quality::Full)]
+    #[arg(long, value_enum, default_value_t = Quality::Full, conflicts_with = "options")]
     quality: Quality,
+    /// Options of the stages, in tables [motion], [dense], [planes], [assemble.merge], … as `options` of a room's
+    /// report.json lists them; what the file leaves out has its default.
+    #[arg(long, value_name = "FILE.toml")]
+    options: Option<PathBuf>,
     /// Take focal length and radial distortion from both where a capture clearly contradicts its intrinsics file.
     #[arg(long)]
     refine_intrinsics: bool,
@@ -75,12 +78,14 @@ pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
 impl Build {
     pub(crate) fn run(&self, console: &Console) -> anyhow::Result<()> {
         limit_threads(self.threads)?;
-        let dense = self.quality.dense();
-        let zones = self.zones.clone();
-        let motion = MotionOptions { refine_lens: self.refine_intrinsics, ..MotionOptions::default() };
-        let small_pictures = self.quality == Quality::Draft;
-        let options =
-            BuildOptions { zones, seed: self.seed, motion, dense, small_pictures, ..BuildOptions::default() };
+        let mut options = match &self.options {
+            Some(file) => BuildOptions::read(file)?,
+            None => BuildOptions { dense: self.quality.dense(), ..BuildOptions::default() },
+        };
+        options.zones.clone_from(&self.zones);
+        options.seed = self.seed;
+        options.motion.refine_lens |= self.refine_intrinsics;
+        options.small_pictures = self.quality == Quality::Draft;
         let mut stages: Option<ProgressStages> = None;
         let report = pipeline::build(&self.project, &self.out, &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);

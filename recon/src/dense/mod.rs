@@ -9,6 +9,7 @@ mod consistency;
 mod keyframes;
 mod level;
 mod ncc;
+mod options;
 mod patchmatch;
 mod support;
 
@@ -17,88 +18,12 @@ use calib::undistort::UndistortMap;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3};
 
+pub use options::DenseOptions;
 pub use support::{Pinhole, Support, SupportMap};
 
 use crate::{Error, Result};
 use level::{PyramidLevel, ViewMapping};
 use patchmatch::{DepthProblem, Guide, Source};
-
-/// Options of dense stereo.
-#[derive(Debug, Clone)]
-pub struct DenseOptions {
-    /// Number of key frames besides the reference.
-    pub key_frames: usize,
-    /// Number of views that a key frame itself is compared with, at most 8.
-    pub sources: usize,
-    /// Least share of the reference's sparse points that a key frame must see.
-    pub least_shared_view: f64,
-    /// Largest median angle between its and the reference's rays to the points, degrees.
-    pub largest_parallax_deg: f64,
-    /// Number of views, the best ones, that decide a hypothesis's cost.
-    pub best_views: usize,
-    /// Excess of a hypothesis's cost over the best so far, in the most informative views, above which the others are
-    /// skipped.
-    pub catching_up: f32,
-    /// Difference in grey levels at which a neighbour's weight in a patch falls to 1/e.
-    pub color_sigma: f32,
-    /// Number of halvings of the images for the first round, from random hypotheses: at least one.
-    pub halvings: usize,
-    /// Whether hypotheses also come from far regions and at random where a coarser map is available.
-    pub always_afar: bool,
-    /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size
-    /// (with 0 rounds there, the planes of half size are only compared at full size).
-    pub iterations: [usize; 3],
-    /// Least number of key frames that must agree with a reliable depth …
-    pub least_agreeing: usize,
-    /// … the largest distance at which they agree, pixels of the reference image …
-    pub agreement_px: f32,
-    /// … and the largest cost of its patch: 1 − NCC, geometric disagreement included.
-    pub largest_cost: f32,
-    /// Whether surfaces seen only by key frames are added to the room.
-    pub fuse_key_frames: bool,
-    /// Seed of the random hypotheses.
-    pub seed: u64,
-}
-
-impl Default for DenseOptions {
-    fn default() -> Self {
-        Self {
-            key_frames: 8,
-            sources: 5,
-            least_shared_view: 0.6,
-            largest_parallax_deg: 35.0,
-            best_views: 4,
-            catching_up: f32::INFINITY,
-            color_sigma: 10.0,
-            halvings: 1,
-            always_afar: true,
-            iterations: [5, 2, 3],
-            least_agreeing: 2,
-            agreement_px: 1.0,
-            largest_cost: 0.6,
-            fuse_key_frames: true,
-            seed: 0,
-        }
-    }
-}
-
-impl DenseOptions {
-    /// Options for a first look: the first round at a quarter of the size, fewer key frames, rounds and hypotheses,
-    /// poor ones given up early, and planes found at half size only compared at full size.
-    pub fn draft() -> Self {
-        Self {
-            key_frames: 5,
-            sources: 4,
-            best_views: 3,
-            catching_up: 0.1,
-            halvings: 2,
-            always_afar: false,
-            iterations: [3, 1, 0],
-            fuse_key_frames: false,
-            ..Self::default()
-        }
-    }
-}
 
 /// A capture with known motion.
 #[derive(Debug, Clone, Copy)]

@@ -17,6 +17,7 @@ use calib::vision::flow::{self, FlowPyramid};
 use image::RgbImage;
 use nalgebra::{Matrix2, Point2};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::Result;
 pub(crate) use intensity::Intensity;
@@ -24,7 +25,8 @@ pub(crate) use register::{Patch, Reading, Warp};
 use turn::CoarseScales;
 
 /// Options of feature detection and tracking.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct FeatureOptions {
     /// Number of features followed at a time.
     pub count: usize,

@@ -18,6 +18,7 @@ mod tests;
 mod vertical;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::plumb::Plumb;
 use crate::{Error, Result};
@@ -38,7 +39,8 @@ pub struct SurfacePoint {
 }
 
 /// Options of the floor's search. Lengths are shares of the room's size: the median distance of surface and cameras.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct FloorOptions {
     /// Number of directions on the sphere.
     pub directions: usize,

@@ -13,12 +13,14 @@ use glam::Vec3;
 use nalgebra::Similarity3;
 use rayon::prelude::*;
 use scenes::geometry::{Disc, point_from_vec3, vec3_from_point, vec3_from_vector, vector_from_vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::surface::{DepthOrigin, Surface};
 use witness::Witness;
 
 /// Options of the fusion.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct FusionOptions {
     /// Relative difference of two cameras' depths below which they are the same surface.
     pub same_surface: f32,

@@ -15,6 +15,7 @@ mod refine;
 mod tests;
 
 use nalgebra::{Isometry3, Point2, Point3, Similarity3};
+use serde::{Deserialize, Serialize};
 
 use crate::plumb::Plumb;
 use crate::project::Project;
@@ -24,7 +25,8 @@ use crate::surface::Surface;
 use crate::{Error, Result};
 
 /// Options of joining cameras.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct MergeOptions {
     /// Standard deviation of a pick, pixels.
     pub pick_sigma_px: f64,

@@ -203,11 +203,30 @@ mod tests {
         }
     }
 
+    /// Five pairs, well apart first, that move together until they are five times the same.
     #[test]
-    fn five_times_the_same_pair_ends_without_a_panic_and_without_infinite_numbers() {
-        let ray = [Vector3::new(0.1, 0.2, 1.0); 5];
-        for e in essential_matrices(&ray, &ray) {
-            assert!(e.iter().all(|v| v.is_finite()));
+    fn pairs_that_run_together_give_finite_matrices_and_pairs_apart_the_true_one() {
+        let shift = Vector3::new(0.3, 0.1, -0.2);
+        let motion = Isometry3::new(shift, Vector3::new(0.05, -0.1, 0.02));
+        let truth = shift.cross_matrix() * motion.rotation.to_rotation_matrix().matrix();
+        let truth = truth / truth.norm();
+        let apart =
+            [[0.0, 0.0, 0.0], [0.5, 0.1, 1.0], [-0.3, 0.4, -0.5], [0.15, -0.5, 0.4], [-0.45, -0.25, -1.0]];
+        for spread in (0..17).map(|k| 10f64.powi(-k)).chain([0.0]) {
+            let points = apart.map(|[x, y, z]| {
+                nalgebra::Point3::new(0.1 + spread * x, 0.2 + spread * y, 1.0) * (4.0 + spread * z)
+            });
+            let a = points.map(|p| p.coords / p.z);
+            let b = points.map(|p| (motion * p).coords).map(|q| q / q.z);
+            let found = essential_matrices(&a, &b);
+            for e in &found {
+                assert!(e.iter().all(|v| v.is_finite()), "{spread}: {e}");
+                assert!(a.iter().zip(&b).all(|(a, b)| b.dot(&(e * a)).abs() < 1e-6), "{spread}: {e}");
+            }
+            if spread > 0.5 {
+                let off = |e: &Matrix3<f64>| (e - truth).norm().min((e + truth).norm());
+                assert!(found.iter().any(|e| off(e) < 1e-6), "{found:?}");
+            }
         }
     }
 }

@@ -24,6 +24,7 @@ use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Point3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
 
 use crate::bundle::LensFreedom;
 use crate::capture::Capture;
@@ -39,11 +40,13 @@ use triangulation::TriangulationLimits;
 const START_ROUNDS: usize = 2;
 
 /// Options of motion estimation.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct MotionOptions {
     /// Options of feature tracking.
     pub features: FeatureOptions,
-    /// Seed of the random samples.
+    /// Seed of the random samples; a build takes that of [`crate::pipeline::BuildOptions`].
+    #[serde(skip)]
     pub seed: u64,
     /// Number of rounds of adjustment and renewed triangulation at the end.
     pub polish_rounds: usize,

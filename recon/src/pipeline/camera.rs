@@ -6,6 +6,7 @@ use calib::Intrinsics;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point2, Point3};
 use scenes::geometry::{Disc, vector_from_vec3};
+use serde::{Deserialize, Serialize};
 
 use super::{BuildOptions, CameraReport};
 use crate::capture::Capture;
@@ -19,7 +20,7 @@ use crate::surface::Surface;
 use crate::{Error, Result};
 
 /// A camera with known motion.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct CameraMotion {
     /// Intrinsics as filmed.
     pub(super) lens: Intrinsics,

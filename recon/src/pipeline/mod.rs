@@ -6,12 +6,13 @@
 
 mod cache;
 mod camera;
+mod options;
 mod output;
 mod preview;
 mod reference_view;
 mod report;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -23,11 +24,8 @@ use rayon::prelude::*;
 use scenes::geometry::Disc;
 use scenes::room::{Markings, Room};
 
-use crate::assemble::{self, AssembleOptions, Captures};
+use crate::assemble::{self, Captures};
 use crate::capture::{Capture, CaptureFile};
-use crate::dense::DenseOptions;
-use crate::motion::MotionOptions;
-use crate::planes::PlaneOptions;
 use crate::plumb;
 use crate::project::{Project, ProjectCamera};
 use crate::scale;
@@ -35,27 +33,9 @@ use crate::surface::Surface;
 use crate::{Error, Result};
 use cache::{Keys, StageCache};
 use camera::{CameraResult, ProcessedCapture};
+pub use options::BuildOptions;
 pub use reference_view::{ReferenceView, reference_views};
 pub use report::{BuildReport, CameraReport, StartErrors};
-
-/// Options of building a room.
-#[derive(Debug, Clone, Default)]
-pub struct BuildOptions {
-    /// File with the zones of the new room; without it the zones of a replaced room are kept.
-    pub zones: Option<PathBuf>,
-    /// Seed of everything random; the room is the same for the same seed, at any number of threads.
-    pub seed: u64,
-    /// Options of camera motion.
-    pub motion: MotionOptions,
-    /// Options of dense stereo.
-    pub dense: DenseOptions,
-    /// Options of plane detection and filling.
-    pub planes: PlaneOptions,
-    /// Options of joining cameras, floor, discs.
-    pub assemble: AssembleOptions,
-    /// Whether plan and previews are drawn at half their usual size, in a quarter of the time.
-    pub small_pictures: bool,
-}
 
 /// Progress of a build, for a progress bar.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -83,6 +63,7 @@ pub fn build(
     options: &BuildOptions,
     progress: &mut (dyn FnMut(&BuildStep) + Send),
 ) -> Result<BuildReport> {
+    options.check()?;
     let mut project = Project::read(project_file)?;
     let markings = options.zones.as_deref().map(scenes::room::read_markings).transpose()?;
     let before = output::check_target(out)?;
@@ -98,7 +79,7 @@ pub fn build(
     project.check_pixels(&sizes)?;
 
     let cache = StageCache::beside(out);
-    let mut report = BuildReport::default();
+    let mut report = BuildReport { options: options.clone(), ..BuildReport::default() };
     let (mut measured, mut edges) = (Vec::with_capacity(files.len()), Vec::with_capacity(files.len()));
     let picks = |index: usize, capture: &Capture, processed: &ProcessedCapture| {
         let at_once = processed.at_once(capture.reference);

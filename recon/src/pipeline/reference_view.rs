@@ -61,6 +61,7 @@ pub fn reference_views(
     options: &BuildOptions,
     progress: &mut (dyn FnMut(&BuildStep) + Send),
 ) -> Result<Vec<ReferenceView>> {
+    options.check()?;
     let of = cameras.len() * STEPS_A_CAMERA;
     let mut number = 0;
     let mut step = |what: String| {

@@ -6,6 +6,7 @@ use std::time::Duration;
 use calib::Intrinsics;
 use serde::{Deserialize, Serialize};
 
+use super::BuildOptions;
 use crate::assemble::AssembleReport;
 use crate::capture::{ASSUMED_FOV_DEG, Capture, Sampled};
 use crate::dense::DenseReport;
@@ -17,6 +18,8 @@ use crate::{Error, Result};
 /// Report of a build.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct BuildReport {
+    /// Options that the room was built with; infinite numbers are written as `null`.
+    pub options: BuildOptions,
     /// Report of each camera, in the project's order.
     pub cameras: Vec<CameraReport>,
     /// Root mean square distance between the picks and the projections of their points, pixels.

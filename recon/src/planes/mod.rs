@@ -23,6 +23,7 @@ mod witness;
 
 use glam::Vec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::dense::{DenseView, Support};
 use crate::surface::{DepthOrigin, Surface};
@@ -30,7 +31,8 @@ use crate::surface::{DepthOrigin, Surface};
 pub use detect::ImagePlane;
 
 /// Options of plane detection and filling. Depth tolerances are in pixels of stereo's disparity.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct PlaneOptions {
     /// Largest distance of a measured pixel from its plane, pixels of disparity.
     pub tolerance_px: f32,
@@ -58,7 +60,8 @@ pub struct PlaneOptions {
     pub surface_reach_px: f32,
     /// Relative excess of another view's measured depth from which on it looks past a filled point.
     pub looked_past: f32,
-    /// Seed of the random samples.
+    /// Seed of the random samples; a build takes that of [`crate::pipeline::BuildOptions`].
+    #[serde(skip)]
     pub seed: u64,
 }
 

@@ -10,11 +10,12 @@ use calib::Intrinsics;
 use glam::Vec3;
 use image::RgbImage;
 use nalgebra::{Point2, Point3};
+use serde::{Deserialize, Serialize};
 
 use crate::dense::{DenseView, Pinhole};
 
 /// Origin of a pixel's depth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum DepthOrigin {
     /// There is no depth.
     #[default]

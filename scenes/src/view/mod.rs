@@ -55,13 +55,6 @@ impl Default for ViewOptions {
     }
 }
 
-impl ViewOptions {
-    /// Options for looking into the room from outside and above; the ceiling, given its height, is cut away.
-    pub fn from_outside(ceiling_m: f32) -> Self {
-        Self { cut_height_m: Some(0.9 * ceiling_m), cut_backs: true, ..Self::default() }
-    }
-}
-
 /// Tracker's model of a person: an upright ellipsoid on the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ellipsoid {

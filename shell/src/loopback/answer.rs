@@ -1,11 +1,10 @@
 //! Answers of a server, with the headers that all of them carry.
 
-use axum::body::{Body, Bytes};
-use axum::http::header::{ALLOW, CONTENT_TYPE};
-use axum::http::{HeaderName, HeaderValue, Response, StatusCode};
+use axum::body::Bytes;
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-
-use super::PageFile;
 
 /// Headers of every answer: the browser must not cache it, take it for another type, frame it or load parts from
 /// elsewhere, and another site's page must not show it.
@@ -27,20 +26,13 @@ const JSON: &str = "application/json";
 pub struct Answer {
     status: u16,
     media_type: &'static str,
-    /// Methods that the path accepts, where another was used; empty otherwise.
-    allow: &'static str,
     body: Bytes,
 }
 
 impl Answer {
     /// Answer 200 with the requested content.
     pub fn ok(media_type: &'static str, body: impl Into<Bytes>) -> Self {
-        Self { status: 200, media_type, allow: "", body: body.into() }
-    }
-
-    /// Answer 200 with one of the page's files.
-    pub fn file(file: &PageFile) -> Self {
-        Self::ok(file.media_type, file.text)
+        Self { status: 200, media_type, body: body.into() }
     }
 
     /// Answer 200 with a value as JSON.
@@ -58,28 +50,20 @@ impl Answer {
     pub fn error(status: u16, line: &str) -> Self {
         Self { status, ..Self::ok(JSON, serde_json::json!({ "error": line }).to_string()) }
     }
+}
 
-    /// Answer 404: there is nothing at that path.
-    pub fn not_found(path: &str) -> Self {
-        Self::error(404, &format!("there is no {path} here"))
-    }
-
-    /// Answer 405: the path accepts only the methods of `allow`, which is written as in an `Allow` header.
-    pub fn other_method(path: &str, allow: &'static str) -> Self {
-        Self { allow, ..Self::error(405, &format!("{path} is for {allow}")) }
+impl IntoResponse for Answer {
+    fn into_response(self) -> Response {
+        // Each status is a constant of the program and valid.
+        let status = StatusCode::from_u16(self.status).unwrap_or_default();
+        (status, [(CONTENT_TYPE, self.media_type)], self.body).into_response()
     }
 }
 
-impl From<Answer> for Response<Body> {
-    fn from(answer: Answer) -> Self {
-        let mut response = Self::new(answer.body.into());
-        // Each status is a constant of the program and valid.
-        *response.status_mut() = StatusCode::from_u16(answer.status).unwrap_or_default();
-        let own = [(CONTENT_TYPE, answer.media_type), (ALLOW, answer.allow)];
-        let common = HEADERS.map(|(name, value)| (HeaderName::from_static(name), value));
-        for (name, value) in own.into_iter().chain(common).filter(|(_, value)| !value.is_empty()) {
-            response.headers_mut().insert(name, HeaderValue::from_static(value));
-        }
-        response
+/// Adds the headers that all answers carry.
+pub(super) async fn with_common_headers(mut response: Response) -> Response {
+    for (name, value) in HEADERS {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
+    response
 }

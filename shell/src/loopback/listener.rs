@@ -4,12 +4,14 @@ use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpListener};
 
 use axum::Router;
-use axum::body::Body;
 use axum::extract::Request;
-use axum::http::header::HOST;
-use axum::http::{HeaderMap, Response};
+use axum::http::header::{ALLOW, HOST};
+use axum::http::{HeaderMap, Uri};
+use axum::middleware::{Next, from_fn, map_response};
+use axum::response::{IntoResponse, Response};
 
 use super::Answer;
+use super::answer::with_common_headers;
 
 /// Error of an address at which no page can be served.
 #[derive(Debug, thiserror::Error)]
@@ -69,27 +71,42 @@ impl Listener {
         self.address
     }
 
-    /// Answers every request, within the runtime that this is called in, until the runtime ends.
+    /// Answers requests by these routes, within the runtime that this is called in, until the runtime ends. A path
+    /// without a route is answered by 404, a method that its route does not take by 405.
     ///
     /// # Errors
     /// An I/O error when the system closes the socket.
-    pub async fn serve<A, F>(self, answer: A) -> io::Result<()>
-    where
-        A: Fn(Request) -> F + Clone + Send + Sync + 'static,
-        F: Future<Output = Answer> + Send + 'static,
-    {
+    pub async fn serve(self, routes: Router) -> io::Result<()> {
         let is_local = self.address.ip().is_loopback();
-        let router = Router::new().fallback(move |request: Request| {
-            let asked = (!is_local || names_loopback(request.headers())).then(|| answer(request));
-            async move {
-                let answer = match asked {
-                    Some(answer) => answer.await,
-                    None => Answer::error(403, "this server answers to localhost and 127.0.0.1 alone"),
-                };
-                Response::<Body>::from(answer)
-            }
-        });
+        let not_found =
+            |uri: Uri| async move { Answer::error(404, &format!("there is no {} here", uri.path())) };
+        let router = Router::new()
+            // The layers are around the whole router, since it names a path's methods outside of its own layers.
+            .fallback_service(routes.fallback(not_found))
+            .layer(from_fn(explain_other_method))
+            .layer(from_fn(move |request: Request, next: Next| async move {
+                if !is_local || names_loopback(request.headers()) {
+                    next.run(request).await
+                } else {
+                    Answer::error(403, "this server answers to localhost and 127.0.0.1 alone").into_response()
+                }
+            }))
+            .layer(map_response(with_common_headers));
         axum::serve(tokio::net::TcpListener::from_std(self.listener)?, router).await
+    }
+}
+
+/// Gives the router's answer 405 a line for a person, with the methods that the path takes.
+async fn explain_other_method(request: Request, next: Next) -> Response {
+    let path = request.uri().path().to_owned();
+    let response = next.run(request).await;
+    match response.headers().get(ALLOW).and_then(|methods| methods.to_str().ok()) {
+        Some(methods) => {
+            let methods = methods.replace(',', ", ");
+            let line = format!("{path} is for {methods}");
+            ([(ALLOW, methods)], Answer::error(405, &line)).into_response()
+        }
+        None => response,
     }
 }
 

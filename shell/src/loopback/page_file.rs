@@ -1,5 +1,10 @@
 //! Files of a page, compiled into the program.
 
+use axum::Router;
+use axum::routing::get;
+
+use super::Answer;
+
 /// One file of a page.
 #[derive(Debug)]
 pub struct PageFile {
@@ -33,5 +38,12 @@ impl PageFile {
     /// A drawing.
     pub const fn svg(path: &'static str, text: &'static str) -> Self {
         Self { path, media_type: "image/svg+xml", text }
+    }
+
+    /// Routes of a page's files.
+    pub fn routes<S: Clone + Send + Sync + 'static>(files: &'static [Self]) -> Router<S> {
+        files.iter().fold(Router::new(), |routes, file| {
+            routes.route(file.path, get(async || Answer::ok(file.media_type, file.text)))
+        })
     }
 }

@@ -1,7 +1,6 @@
 //! Tests of the panels' content.
 
 use super::*;
-use crate::TrackId;
 use crate::prepared_room::PreparationOptions;
 use crate::silhouette::{Body, contour};
 use calib::video::FrameSource;
@@ -31,19 +30,8 @@ fn large() -> FilmOptions {
 }
 
 fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
-    PersonEstimate {
-        id: TrackId(id),
-        x_m,
-        y_m,
-        z_m: 0.0,
-        radius_m: 0.3,
-        height_m: 1.75,
-        vx: 0.0,
-        vy: 0.0,
-        sigma_m: [0.02; 2],
-        confidence: 1.0,
-        visible: vec![0.5],
-    }
+    let standing = PersonEstimate::standing(id, x_m, y_m);
+    PersonEstimate { radius_m: 0.3, sigma_m: [0.02; 2], visible: vec![0.5], ..standing }
 }
 
 fn gray(prepared: &PreparedRoom) -> Shot {

@@ -82,11 +82,6 @@ impl Exposure {
     fn apply(&self, channel: usize, level: f32) -> f32 {
         (self.gain[channel] * level + self.bias[channel]).clamp(0.0, 255.0)
     }
-
-    /// Mean gain of the three channels.
-    pub fn mean_gain(&self) -> f32 {
-        self.gain.iter().sum::<f32>() / 3.0
-    }
 }
 
 /// Pixels of a picture that take part in a fit.

@@ -7,8 +7,12 @@
 //! sequences", SIBGRAPI 2005). A person's grey trousers before a grey floor pass the first test and fail the second
 //! wherever the floor has any texture.
 
+mod texture;
+
 use image::{GrayImage, RgbImage};
 use wide::{f32x4, i32x4, u8x16};
+
+use texture::{Texture, TextureSums};
 
 /// Options of the shadow detection.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,16 +56,6 @@ pub const SHADOW: u8 = 1;
 const CELL_PX: usize = 4;
 /// Least correlation over four cells with the tested one in a corner: fewer pixels agree more often by chance.
 const CORNER_CORRELATION: f32 = 0.85;
-/// Least number of pixels for a comparison of texture…
-const LEAST_PIXELS: i32 = 12;
-/// …and least share of the changed pixels, as a divisor.
-const LEAST_SHARE: i32 = 3;
-/// Largest ratio, either way, of the factor of texture to that of brightness: light scales both alike.
-const SAME_FACTOR: f32 = 2.0;
-/// Standard deviation of the background's grey levels below which there is no texture to compare.
-const LEAST_TEXTURE: f32 = 4.0;
-/// Standard deviation of the frame's grey levels above which the picture does not show a plain background.
-const FOREIGN_TEXTURE: f32 = 16.0;
 
 /// Shadow detector; it keeps its buffers between frames.
 #[derive(Debug, Default)]
@@ -314,61 +308,6 @@ pub fn restore_enclosed(score: &mut GrayImage, foreground: u8, longest_px: u32, 
                 *above = if *here >= foreground { row } else { kept };
             }
         }
-    }
-}
-
-/// Result of comparing the frame's texture around a cell with the background's.
-enum Texture {
-    Same,
-    Different,
-    /// Neither has texture.
-    None,
-}
-
-/// Sums over the frame's (x) and the background's (e) brightness, at pixels where the frame may show the background's
-/// surface: a leg beside a shadow must not count.
-#[derive(Debug, Clone, Copy, Default)]
-struct TextureSums {
-    /// Number of changed pixels, and of those that count.
-    pixels: i32,
-    n: i32,
-    x: i32,
-    e: i32,
-    xx: i32,
-    ee: i32,
-    xe: i32,
-}
-
-impl TextureSums {
-    fn plus(&self, other: &Self) -> Self {
-        Self {
-            pixels: self.pixels + other.pixels,
-            n: self.n + other.n,
-            x: self.x + other.x,
-            e: self.e + other.e,
-            xx: self.xx + other.xx,
-            ee: self.ee + other.ee,
-            xe: self.xe + other.xe,
-        }
-    }
-
-    fn compare(&self, correlation: f32) -> Texture {
-        if self.n < LEAST_PIXELS || LEAST_SHARE * self.n < self.pixels {
-            return Texture::Different;
-        }
-        let n = self.n as f32;
-        let (mx, me) = (self.x as f32 / n, self.e as f32 / n);
-        let (vx, ve) = (self.xx as f32 / n - mx * mx, self.ee as f32 / n - me * me);
-        if ve < LEAST_TEXTURE * LEAST_TEXTURE {
-            // A fold, a pattern or an edge before a plain background belongs to a person; the rim of a soft shadow is
-            // weaker.
-            return if vx > FOREIGN_TEXTURE * FOREIGN_TEXTURE { Texture::Different } else { Texture::None };
-        }
-        let covariance = self.xe as f32 / n - mx * me;
-        let (factor, of_texture) = (mx / me.max(1.0), covariance / ve);
-        let same = covariance >= correlation * (vx.max(1.0) * ve).sqrt()
-            && (factor / SAME_FACTOR..=factor * SAME_FACTOR).contains(&of_texture);
-        if same { Texture::Same } else { Texture::Different }
     }
 }
 

@@ -4,6 +4,7 @@ use super::affinity::{Gate, Thresholds};
 use super::build::Prices;
 use super::fill::FillOptions;
 use super::motion::MotionModel;
+use crate::option_checks::check_numbers;
 use crate::tracks::rows::Row;
 use crate::{Error, Result};
 
@@ -127,25 +128,16 @@ impl LinkOptions {
             ("direction_threshold", self.direction_threshold),
             ("smooth_frames", self.smooth_frames),
         ];
-        for (name, value) in positive {
-            if let Some(value) = value.filter(|v| !(*v >= 0.0 && v.is_finite())) {
-                return Err(Error::option(name, format!("is {value}; give a number from 0")));
-            }
-        }
+        check_numbers(given(&positive), |value| value >= 0.0, "a number from 0")?;
         let finite = [
             ("link_cost", self.link_cost),
             ("birth_cost", self.birth_cost),
             ("detection_offset", self.detection_offset),
             ("min_score", self.min_score),
         ];
-        for (name, value) in finite {
-            if let Some(value) = value.filter(|v| !v.is_finite()) {
-                return Err(Error::option(name, format!("is {value}; give a number")));
-            }
-        }
-        if let Some(rate) = self.frames_per_s.filter(|rate| !(*rate > 0.0 && rate.is_finite())) {
-            return Err(Error::option("frames_per_s", format!("is {rate}; give the frames per second")));
-        }
+        check_numbers(given(&finite), |_| true, "a number")?;
+        let rate = [("frames_per_s", self.frames_per_s)];
+        check_numbers(given(&rate), |rate| rate > 0.0, "the frames per second")?;
         if self.window == Some(0) {
             return Err(Error::option("window", "is 0; give frames from 1"));
         }
@@ -225,4 +217,9 @@ impl LinkOptions {
         let default = if self.is_published() { 0.0 } else { chosen::SMOOTH_S * self.rate() };
         FillOptions { interpolate: !self.keep_gaps, smooth_frames: self.smooth_frames.unwrap_or(default) }
     }
+}
+
+/// The options that are set, with their names.
+fn given<'a>(options: &[(&'a str, Option<f64>)]) -> impl Iterator<Item = (&'a str, f64)> {
+    options.iter().filter_map(|(name, value)| Some((*name, (*value)?)))
 }

@@ -256,7 +256,7 @@ fn floor_positions_are_linked_in_metres() {
     let found = linked(&text, &LinkOptions::default());
     assert_eq!(found.tracks.iter().map(Vec::len).collect::<Vec<_>>(), [30, 30]);
     let written = rows(&track_file(&found));
-    assert!(written.is_on_floor() && written.has_ids() && !written.has_boxes());
+    assert!(written.is_on_floor() && written.rows.iter().all(|row| row.id.is_some()) && !written.has_boxes());
     let mixed = rows("1,-1,1,1,5,5,0.9\n1,-1,-1,-1,-1,-1,0.9,1,1,0\n");
     let error = Detections::from_rows(&mixed, |_| true).unwrap_err().to_string();
     assert!(error.contains("detections.txt") && error.contains("line 1"), "{error}");

@@ -115,11 +115,6 @@ impl RowFile {
     pub fn has_boxes(&self) -> bool {
         self.rows.iter().all(|r| r.pixel_box.is_some())
     }
-
-    /// Whether every row has an id.
-    pub fn has_ids(&self) -> bool {
-        self.rows.iter().all(|r| r.id.is_some())
-    }
 }
 
 fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
@@ -186,17 +181,17 @@ mod tests {
     #[test]
     fn both_kinds_are_read() {
         let floor = parse("1,3,-1,-1,-1,-1,0.9,1.25,-1,0\r\n\n7,-1,-1,-1,-1,-1,1,-1,-1,0\n").unwrap();
-        assert!(floor.is_on_floor() && !floor.has_boxes() && !floor.has_ids());
+        assert!(floor.is_on_floor() && !floor.has_boxes());
         assert_eq!((floor.rows[0].id, floor.rows[0].position), (Some(3), Some(Point2::new(1.25, -1.0))));
         assert_eq!((floor.rows[1].line, floor.rows[1].frame, floor.rows[1].id), (3, 7, None));
 
         let image = parse("# boxes\n2, 1, 10, 20, 30.5, 40, 1\n3,1,10,20,30,40,0,-1,-1,-1").unwrap();
-        assert!(image.has_boxes() && !image.is_on_floor() && image.has_ids());
+        assert!(image.has_boxes() && !image.is_on_floor());
         assert_relative_eq!(image.rows[0].pixel_box.unwrap().foot(), Point2::new(25.25, 60.0));
         assert!(image.rows[1].confidence.abs() < 1e-12);
 
         let empty = parse("").unwrap();
-        assert!(empty.is_on_floor() && empty.has_boxes() && empty.has_ids());
+        assert!(empty.is_on_floor() && empty.has_boxes());
     }
 
     #[test]

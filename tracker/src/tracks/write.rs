@@ -112,7 +112,6 @@ impl TrackFiles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::TrackId;
     use crate::prepared_room::PreparationOptions;
     use crate::tracks::{jsonl, jsonl::PersonLine, rows::RowFile};
     use calib::{Camera, Intrinsics};
@@ -142,17 +141,12 @@ mod tests {
 
     fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
         PersonEstimate {
-            id: TrackId(id),
-            x_m,
-            y_m,
-            z_m: 0.0,
-            radius_m: 0.25,
-            height_m: 1.75,
             vx: -1e-9,
             vy: 0.5,
             sigma_m: [0.03, 0.02],
             confidence: 0.97,
             visible: vec![0.5, 1.0],
+            ..PersonEstimate::standing(id, x_m, y_m)
         }
     }
 

@@ -5,8 +5,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use axum::extract::Request;
-use axum::http::Method;
+use axum::Router;
+use axum::extract::{Path, RawQuery, Request, State};
+use axum::middleware::{Next, from_fn};
+use axum::routing::get;
 use shell::loopback::{Answer, Listener, PageFile};
 use tokio::runtime::Builder;
 use tokio::sync::oneshot;
@@ -14,7 +16,7 @@ use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
 
 use super::Screens;
-use crate::{Error, Result};
+use crate::Error;
 
 /// Files of the page.
 const FILES: [PageFile; 5] = [
@@ -50,7 +52,7 @@ impl Server {
     ///
     /// # Errors
     /// [`crate::Error::Listen`] for a port that is in use or reserved.
-    pub fn bind(port: Option<u16>, option: &str) -> Result<Listener> {
+    pub fn bind(port: Option<u16>, option: &str) -> crate::Result<Listener> {
         let bind = |port| Listener::bind("127.0.0.1", port, option);
         Ok(match port {
             Some(port) => bind(port)?,
@@ -62,7 +64,7 @@ impl Server {
     ///
     /// # Errors
     /// An error of the operating system that prevents the thread or its event loop.
-    pub fn start(listener: Listener, screens: Screens) -> Result<Self> {
+    pub fn start(listener: Listener, screens: Screens) -> crate::Result<Self> {
         let refused = |e: std::io::Error| Error::option("view", format!("{e}; run without it"));
         let address = listener.address();
         // One picture is encoded at a time, so that the other cores stay with the tracker.
@@ -116,16 +118,7 @@ type LastActivity = Arc<Mutex<Option<Instant>>>;
 /// Serves until the end has been announced.
 async fn serve(listener: Listener, screens: Screens, ended: oneshot::Receiver<()>) {
     let last_activity = LastActivity::default();
-    let note = Arc::clone(&last_activity);
-    let answers = listener.serve(move |request| {
-        let (screens, last_activity) = (screens.clone(), Arc::clone(&note));
-        async move {
-            set_now(&last_activity);
-            let answer = answer(&screens, request).await.unwrap_or_else(|refusal| refusal);
-            set_now(&last_activity);
-            answer
-        }
-    });
+    let answers = listener.serve(routes(screens, Arc::clone(&last_activity)));
     tokio::spawn(async {
         if let Err(e) = answers.await {
             tracing::warn!("the page is served no longer: {e}");
@@ -154,57 +147,46 @@ async fn farewell(last_activity: &LastActivity) {
     }
 }
 
-async fn answer(screens: &Screens, request: Request) -> std::result::Result<Answer, Answer> {
-    let path = request.uri().path();
-    let route = ViewRoute::of(path).ok_or_else(|| Answer::not_found(path))?;
-    if ![Method::GET, Method::HEAD].contains(request.method()) {
-        return Err(Answer::other_method(path, "GET, HEAD"));
-    }
-    match route {
-        ViewRoute::Page(file) => Ok(Answer::file(file)),
-        ViewRoute::Moment => {
-            if let Some(after) = request.uri().query().and_then(after) {
-                let mut news = screens.wait();
-                // Not "greater": the page may have been open since another run.
-                let _ = timeout(PATIENCE, news.wait_for(|now| now.number != after || now.has_ended)).await;
+/// Routes of the page; they record the time of each request and answer.
+fn routes(screens: Screens, last_activity: LastActivity) -> Router {
+    PageFile::routes(&FILES)
+        .route("/moment", get(moment))
+        .route("/camera/{file}", get(picture))
+        .with_state(screens)
+        .layer(from_fn(move |request: Request, next: Next| {
+            let last_activity = Arc::clone(&last_activity);
+            async move {
+                set_now(&last_activity);
+                let answer = next.run(request).await;
+                set_now(&last_activity);
+                answer
             }
-            screens.look(Answer::json)
-        }
-        ViewRoute::Camera(camera) => {
-            let picture = screens.look(|now| now.picture(camera));
-            let picture = picture.ok_or_else(|| Answer::error(404, "that camera has no picture yet"))?;
-            let jpeg = spawn_blocking(move || picture.jpeg()).await.unwrap_or_default();
-            if jpeg.is_empty() {
-                return Err(Answer::error(500, "the picture cannot be encoded"));
-            }
-            Ok(Answer::ok("image/jpeg", jpeg))
-        }
+        }))
+}
+
+/// The present state; with `after=17`, as soon as the state has another number.
+async fn moment(State(screens): State<Screens>, RawQuery(query): RawQuery) -> Result<Answer, Answer> {
+    if let Some(after) = query.as_deref().and_then(after) {
+        let mut news = screens.wait();
+        // Not "greater": the page may have been open since another run.
+        let _ = timeout(PATIENCE, news.wait_for(|now| now.number != after || now.has_ended)).await;
     }
+    screens.look(Answer::json)
+}
+
+/// Picture of a camera: `0.jpg` is the first camera's.
+async fn picture(State(screens): State<Screens>, Path(file): Path<String>) -> Result<Answer, Answer> {
+    let camera = file.strip_suffix(".jpg").and_then(|number| number.parse().ok());
+    let picture = camera.and_then(|camera| screens.look(|now| now.picture(camera)));
+    let picture = picture.ok_or_else(|| Answer::error(404, "that camera has no picture yet"))?;
+    let jpeg = spawn_blocking(move || picture.jpeg()).await.unwrap_or_default();
+    if jpeg.is_empty() {
+        return Err(Answer::error(500, "the picture cannot be encoded"));
+    }
+    Ok(Answer::ok("image/jpeg", jpeg))
 }
 
 /// The number in `after=17`.
 fn after(query: &str) -> Option<u64> {
     query.split('&').find_map(|part| part.strip_prefix("after="))?.parse().ok()
-}
-
-/// A request.
-enum ViewRoute {
-    Page(&'static PageFile),
-    /// The present state; with a number, as soon as the state has another one.
-    Moment,
-    /// Picture of the camera with this index.
-    Camera(usize),
-}
-
-impl ViewRoute {
-    fn of(path: &str) -> Option<Self> {
-        if let Some(file) = FILES.iter().find(|file| file.path == path) {
-            return Some(Self::Page(file));
-        }
-        if path == "/moment" {
-            return Some(Self::Moment);
-        }
-        let number = path.strip_prefix("/camera/")?.strip_suffix(".jpg")?;
-        number.parse().ok().map(Self::Camera)
-    }
 }

@@ -2,24 +2,23 @@
 //! resumes at its last stage, and a room is rebuilt from other picks without processing its films again.
 //!
 //! While a room is unfinished the files are in `OUT.unfinished`, afterwards in the room's cache ([`scenes::cache`]),
-//! each keyed by all its inputs: the camera's motion ([`motion`]) by frames, lens, its options, seed; the surface
-//! ([`surface`]) by these and the options of stereo and planes.
+//! in postcard's format and each keyed by all its inputs: the camera's motion by the program, frames, lens, its options,
+//! seed; the surface ([`surface`]) by these and the options of stereo, planes and fusion.
 
-mod motion;
-mod numbers;
 mod surface;
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use scenes::cache;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::BuildOptions;
 use super::camera::{CameraMotion, ProcessedCapture};
 use crate::capture::Capture;
-
-/// Parts of the keys: change them when the results of a capture change.
-const MOTION: &str = "capture to motion 1";
-const SURFACE: &str = "motion to surface 2";
+use surface::CachedCapture;
 
 /// Cache folders of a room's finished stages.
 pub(super) struct StageCache {
@@ -37,30 +36,42 @@ pub(super) struct Keys {
 impl Keys {
     /// Keys of a capture as filmed, from everything that decides its results.
     pub(super) fn of(capture: &Capture, options: &BuildOptions) -> Self {
-        let mut hasher = blake3::Hasher::new();
-        // Rust prints floats so that they read back exactly, so the text stands for the values.
-        let made_from = format!(
-            "{MOTION} {} {:?} {} {:?} {:?} {} {:?}",
-            capture.name,
-            capture.sampled,
-            capture.reference,
-            capture.intrinsics,
-            capture.exif_focal_px,
-            options.seed,
-            options.motion,
-        );
-        hasher.update(made_from.as_bytes());
-        for frame in &capture.frames {
-            hasher.update(&frame.width().to_le_bytes());
-            hasher.update(blake3::hash(frame.as_raw()).as_bytes());
-        }
-        let motion = hasher.finalize();
-        let made_from = format!(
-            "{SURFACE} {motion} {:?} {:?} {:?}",
-            options.dense, options.planes, options.assemble.fusion
-        );
-        Self { motion, surface: blake3::hash(made_from.as_bytes()) }
+        let frame = |frame: &image::RgbImage| (frame.width(), *blake3::hash(frame.as_raw()).as_bytes());
+        let frames: Vec<(u32, [u8; 32])> = capture.frames.iter().map(frame).collect();
+        let film = (&capture.name, capture.sampled, capture.reference, frames);
+        let lens = (&capture.intrinsics, capture.exif_focal_px);
+        let motion = key_of(&(film, lens, options.seed, &options.motion));
+        let made_from = (motion.as_bytes(), &options.dense, &options.planes, &options.assemble.fusion);
+        Self { motion, surface: key_of(&made_from) }
     }
+}
+
+/// Hash of everything that a result is made from, the program included.
+fn key_of(made_from: &impl Serialize) -> blake3::Hash {
+    #[allow(clippy::expect_used)]
+    // Postcard refuses only sequences of unknown length; these are numbers and vectors.
+    let made_from = postcard::to_extend(made_from, Vec::new()).expect("options are data");
+    blake3::Hasher::new().update(program().as_bytes()).update(&made_from).finalize()
+}
+
+/// Hash of the running program: another program may compute another result from the same options.
+fn program() -> &'static blake3::Hash {
+    static PROGRAM: OnceLock<blake3::Hash> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let mut hasher = blake3::Hasher::new();
+        let hashed = std::env::current_exe().and_then(File::open).and_then(|file| {
+            hasher.update_reader(file)?;
+            Ok(hasher.finalize())
+        });
+        // A program that may not be read is known by its version.
+        hashed.unwrap_or_else(|_| blake3::hash(env!("CARGO_PKG_VERSION").as_bytes()))
+    })
+}
+
+/// Value of a file's content; `None` when it is not whole.
+fn decoded<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
+    let (value, rest) = postcard::take_from_bytes(content).ok()?;
+    rest.is_empty().then_some(value)
 }
 
 impl StageCache {
@@ -72,25 +83,28 @@ impl StageCache {
 
     /// Cached motion of the same capture by the same options.
     pub(super) fn motion(&self, camera: &str, keys: &Keys) -> Option<CameraMotion> {
-        motion::decode(&self.read(&motion_file(camera), &keys.motion)?)
+        decoded(&self.read(&motion_file(camera), &keys.motion)?)
     }
 
     /// Cached results of the same capture by the same options.
     pub(super) fn surface(&self, camera: &str, keys: &Keys) -> Option<ProcessedCapture> {
-        surface::decode(&self.read(&surface_file(camera), &keys.surface)?)
+        decoded::<CachedCapture>(&self.read(&surface_file(camera), &keys.surface)?)?.restored()
     }
 
     /// Caches a camera's motion until the room is finished.
     pub(super) fn store_motion(&self, camera: &str, keys: &Keys, motion: &CameraMotion) {
-        if let Some(content) = motion::encode(motion) {
-            cache::write(&self.unfinished, &motion_file(camera), &keys.motion, &content);
-        }
+        self.store(&motion_file(camera), &keys.motion, motion);
     }
 
     /// Caches the results of a capture until the room is finished.
     pub(super) fn store_surface(&self, camera: &str, keys: &Keys, processed: &ProcessedCapture) {
-        if let Some(content) = surface::encode(processed) {
-            cache::write(&self.unfinished, &surface_file(camera), &keys.surface, &content);
+        self.store(&surface_file(camera), &keys.surface, &CachedCapture::of(processed));
+    }
+
+    fn store(&self, file: &str, key: &blake3::Hash, value: &impl Serialize) {
+        // Only sequences of unknown length cannot be written, and there is none.
+        if let Ok(content) = postcard::to_extend(value, Vec::new()) {
+            cache::write(&self.unfinished, file, key, &content);
         }
     }
 
@@ -131,8 +145,10 @@ fn surface_file(camera: &str) -> String {
 mod tests {
     use super::*;
     use crate::capture::Sampled;
+    use crate::pipeline::report::{CameraReport, StartErrors};
     use calib::Intrinsics;
     use image::RgbImage;
+    use nalgebra::Point3;
 
     fn capture() -> Capture {
         let frames = vec![RgbImage::new(8, 6), RgbImage::new(8, 6)];
@@ -146,11 +162,48 @@ mod tests {
         }
     }
 
+    fn motion() -> CameraMotion {
+        let ProcessedCapture { lens, camera_from_world, .. } = surface::tests::processed();
+        let report = CameraReport {
+            name: "cam0".into(),
+            start: "two views".into(),
+            start_error_px: StartErrors { factorization: None, two_views: Some(0.1 + 0.2) },
+            doubts: vec!["two \"different\" motions\nfit".into()],
+            ..CameraReport::default()
+        };
+        let points = vec![Point3::new(0.1 + 0.2, -1.0 / 3.0, 7.0), Point3::new(1e-300, -0.0, 2.5)];
+        CameraMotion { lens, camera_from_world, points, report }
+    }
+
+    #[test]
+    fn damaged_contents_count_as_missing() {
+        let motion = postcard::to_extend(&motion(), Vec::new()).unwrap();
+        let surface =
+            postcard::to_extend(&CachedCapture::of(&surface::tests::processed()), Vec::new()).unwrap();
+        for (whole, is_motion) in [(&motion, true), (&surface, false)] {
+            let is_read = |bytes: &[u8]| {
+                if is_motion {
+                    decoded::<CameraMotion>(bytes).is_some()
+                } else {
+                    decoded::<CachedCapture>(bytes).and_then(CachedCapture::restored).is_some()
+                }
+            };
+            assert!(is_read(whole));
+            for length in [0, 7, 8, 100, whole.len() - 1] {
+                assert!(!is_read(&whole[..length]), "{length}");
+            }
+            assert!(!is_read(&[&whole[..], &[0]].concat()));
+        }
+        let mut narrow = CachedCapture::of(&surface::tests::processed());
+        narrow.depth.pop();
+        assert!(narrow.restored().is_none());
+    }
+
     #[test]
     fn cached_stages_read_back_bit_by_bit() {
         let folder = tempfile::tempdir().unwrap();
         let cache = StageCache::beside(&folder.path().join("room"));
-        let (processed, motion) = (surface::tests::processed(), motion::tests::motion());
+        let (processed, motion) = (surface::tests::processed(), motion());
         let keys = Keys::of(&capture(), &BuildOptions::default());
         assert!(cache.surface("cam0", &keys).is_none() && cache.motion("cam0", &keys).is_none());
         cache.store_motion("cam0", &keys, &motion);

@@ -1,131 +1,110 @@
-//! A capture's surface and motion as bytes.
+//! Serialised form of a capture's surface and motion.
 
 use glam::Vec3;
 use image::RgbImage;
 use scenes::geometry::Disc;
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{CachedLens, head_of, numbers_of, poses_of, with_head};
-use crate::pipeline::CameraReport;
-use crate::pipeline::camera::ProcessedCapture;
+use crate::pipeline::camera::{CameraMotion, ProcessedCapture};
 use crate::surface::{DepthOrigin, Surface};
 
-/// Text before the pixels.
+/// A processed capture. The pictures' numbers stand one a pixel, row by row.
 #[derive(Serialize, Deserialize)]
-struct SurfaceHead {
-    step: f64,
-    lens: CachedLens,
-    pinhole: CachedLens,
-    /// Quaternion (i, j, k, w) and translation of each frame; empty where it has no pose.
-    poses: Vec<Vec<f64>>,
-    range: [f64; 2],
-    /// Number of discs after the pixels.
-    discs: usize,
-    report: CameraReport,
+pub(super) struct CachedCapture {
+    /// Lens, poses and report; sparse points are not needed any more.
+    motion: CameraMotion,
+    range: (f64, f64),
+    pinhole: calib::Intrinsics,
+    step: f32,
+    /// Three bytes a pixel.
+    picture: Vec<u8>,
+    pub(super) depth: Vec<f32>,
+    normal: Vec<[f32; 3]>,
+    agreeing: Vec<u8>,
+    origin: Vec<DepthOrigin>,
+    key_frame_discs: Vec<CachedDisc>,
 }
 
-/// Serialises the head, then pixel by pixel colour, depth and normal (four bytes a number), agreeing views, origin;
-/// then the discs that only key frames saw: centre, normal, radius, confidence, colour, whether it was filled.
-pub(super) fn encode(processed: &ProcessedCapture) -> Option<Vec<u8>> {
-    let surface = &processed.surface;
-    let head = SurfaceHead {
-        step: f64::from(surface.step),
-        lens: CachedLens::of(&processed.lens),
-        pinhole: CachedLens::of(&surface.intrinsics),
-        poses: processed.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
-        range: processed.range.into(),
-        discs: processed.key_frame_discs.len(),
-        report: processed.report.clone(),
-    };
-    let mut bytes = with_head(
-        &head,
-        BYTES_A_PIXEL * surface.depth.len() + BYTES_A_DISC * processed.key_frame_discs.len(),
-    )?;
-    bytes.extend(surface.picture.as_raw());
-    bytes.extend(surface.depth.iter().flat_map(|z| z.to_le_bytes()));
-    bytes.extend(surface.normal.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes));
-    bytes.extend(&surface.agreeing);
-    bytes.extend(surface.origin.iter().map(|origin| match origin {
-        DepthOrigin::Unknown => 0,
-        DepthOrigin::Stereo => 1,
-        DepthOrigin::Filled => 2,
-    }));
-    for disc in &processed.key_frame_discs {
-        let numbers = [disc.center.to_array(), disc.normal.to_array()].concat();
-        let numbers = numbers.into_iter().chain([disc.radius, disc.confidence]);
-        bytes.extend(numbers.flat_map(f32::to_le_bytes));
-        bytes.extend(disc.color);
-        bytes.push(u8::from(disc.filled));
-    }
-    Some(bytes)
+#[derive(Serialize, Deserialize)]
+struct CachedDisc {
+    center: [f32; 3],
+    normal: [f32; 3],
+    radius: f32,
+    color: [u8; 3],
+    filled: bool,
+    confidence: f32,
 }
 
-const BYTES_A_PIXEL: usize = 3 + 4 + 12 + 1 + 1;
-const BYTES_A_DISC: usize = 4 * 8 + 3 + 1;
-
-pub(super) fn decode(bytes: &[u8]) -> Option<ProcessedCapture> {
-    let (head, rest): (SurfaceHead, &[u8]) = head_of(bytes)?;
-    let (lens, pinhole) = (head.lens.intrinsics(), head.pinhole.intrinsics());
-    let pixels = (pinhole.width as usize).checked_mul(pinhole.height as usize)?;
-    let discs = head.discs.checked_mul(BYTES_A_DISC)?;
-    if rest.len() != pixels.checked_mul(BYTES_A_PIXEL)?.checked_add(discs)? {
-        return None;
+impl CachedCapture {
+    pub(super) fn of(processed: &ProcessedCapture) -> Self {
+        let ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report } = processed;
+        Self {
+            motion: CameraMotion {
+                lens: lens.clone(),
+                camera_from_world: camera_from_world.clone(),
+                points: Vec::new(),
+                report: report.clone(),
+            },
+            range: *range,
+            pinhole: surface.intrinsics.clone(),
+            step: surface.step,
+            picture: surface.picture.as_raw().clone(),
+            depth: surface.depth.clone(),
+            normal: surface.normal.iter().map(Vec3::to_array).collect(),
+            agreeing: surface.agreeing.clone(),
+            origin: surface.origin.clone(),
+            key_frame_discs: key_frame_discs.iter().map(CachedDisc::of).collect(),
+        }
     }
-    let (rest, discs) = rest.split_at(rest.len() - discs);
-    let (picture, rest) = rest.split_at(3 * pixels);
-    let (depth, rest) = rest.split_at(4 * pixels);
-    let (normal, rest) = rest.split_at(12 * pixels);
-    let (agreeing, origin) = rest.split_at(pixels);
-    let floats = |bytes: &[u8]| -> Vec<f32> {
-        bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
-    };
-    let surface = Surface {
-        picture: RgbImage::from_raw(pinhole.width, pinhole.height, picture.to_vec())?,
-        depth: floats(depth),
-        normal: floats(normal).as_chunks::<3>().0.iter().map(|n| Vec3::from_array(*n)).collect(),
-        agreeing: agreeing.to_vec(),
-        origin: origin
-            .iter()
-            .map(|code| match code {
-                1 => DepthOrigin::Stereo,
-                2 => DepthOrigin::Filled,
-                _ => DepthOrigin::Unknown,
-            })
-            .collect(),
-        intrinsics: pinhole,
-        step: head.step as f32,
-    };
-    let camera_from_world = poses_of(&head.poses)?;
-    let key_frame_discs = discs.as_chunks::<BYTES_A_DISC>().0.iter().map(disc).collect();
-    Some(ProcessedCapture {
-        lens,
-        surface,
-        key_frame_discs,
-        camera_from_world,
-        range: head.range.into(),
-        report: head.report,
-    })
+
+    /// The capture; `None` when the pictures' sizes contradict each other.
+    pub(super) fn restored(self) -> Option<ProcessedCapture> {
+        let picture = RgbImage::from_raw(self.pinhole.width, self.pinhole.height, self.picture)?;
+        let pixels = picture.pixels().len();
+        let sizes = [self.depth.len(), self.normal.len(), self.agreeing.len(), self.origin.len()];
+        if sizes != [pixels; 4] {
+            return None;
+        }
+        let surface = Surface {
+            picture,
+            depth: self.depth,
+            normal: self.normal.into_iter().map(Vec3::from_array).collect(),
+            agreeing: self.agreeing,
+            origin: self.origin,
+            intrinsics: self.pinhole,
+            step: self.step,
+        };
+        let CameraMotion { lens, camera_from_world, report, .. } = self.motion;
+        let key_frame_discs = self.key_frame_discs.iter().map(CachedDisc::restored).collect();
+        Some(ProcessedCapture {
+            lens,
+            surface,
+            key_frame_discs,
+            camera_from_world,
+            range: self.range,
+            report,
+        })
+    }
 }
 
-fn disc(bytes: &[u8; BYTES_A_DISC]) -> Disc {
-    let (numbers, rest) = bytes.split_at(4 * 8);
-    let mut n = [0.0; 8];
-    for (number, bytes) in n.iter_mut().zip(numbers.as_chunks::<4>().0) {
-        *number = f32::from_le_bytes(*bytes);
+impl CachedDisc {
+    fn of(disc: &Disc) -> Self {
+        let Disc { center, normal, radius, color, filled, confidence } = *disc;
+        let [center, normal] = [center, normal].map(Vec3::into);
+        Self { center, normal, radius, color, filled, confidence }
     }
-    Disc {
-        center: Vec3::new(n[0], n[1], n[2]),
-        normal: Vec3::new(n[3], n[4], n[5]),
-        radius: n[6],
-        confidence: n[7],
-        color: [rest[0], rest[1], rest[2]],
-        filled: rest[3] != 0,
+
+    fn restored(&self) -> Disc {
+        let Self { center, normal, radius, color, filled, confidence } = *self;
+        let [center, normal] = [center, normal].map(Vec3::from_array);
+        Disc { center, normal, radius, color, filled, confidence }
     }
 }
 
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::pipeline::CameraReport;
     use crate::surface::rendered::Rendering;
     use nalgebra::Isometry3;
     use scenes::raycast::RayScene;
@@ -159,18 +138,5 @@ pub(super) mod tests {
             range: (0.1 + 0.2, 7.0),
             report,
         }
-    }
-
-    #[test]
-    fn damaged_contents_count_as_missing() {
-        let whole = encode(&processed()).unwrap();
-        assert!(decode(&whole).is_some());
-        for length in [0, 7, 8, 100, whole.len() - 1] {
-            assert!(decode(&whole[..length]).is_none(), "{length}");
-        }
-        assert!(decode(&[&whole[..], &[0]].concat()).is_none());
-        let mut long_head = whole.clone();
-        long_head[..8].fill(0xff);
-        assert!(decode(&long_head).is_none());
     }
 }

@@ -1,5 +1,7 @@
-//! Rooms and cameras of the editor's tests: outlines against closed forms, and the server over its socket.
+//! Rooms and cameras of the editor's tests: outlines against closed forms, the server over its socket, and
+//! the page in a browser.
 
+mod browser;
 mod outline;
 mod server;
 

@@ -3,13 +3,13 @@
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
-use std::process::Command;
 
 use approx::assert_relative_eq;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::super::{Server, Session};
+use super::browser::{CTRL, Page};
 use super::*;
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
 
@@ -302,28 +302,77 @@ fn requests_that_are_not_the_pages_are_refused() {
     assert_eq!(scene_text(folder.path()), before);
 }
 
+/// Draws a zone, names it, drags two of its corners, undoes one, and saves.
 #[test]
-fn a_chromium_shows_the_zones() {
+fn a_zone_drawn_in_a_chromium_is_saved_as_it_was_left() {
     let folder = room();
     let address = served(folder.path());
-    let profile = tempfile::tempdir().unwrap();
-    let mut browser = Command::new("chromium");
-    browser
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .args(["--virtual-time-budget=5000", "--dump-dom", &format!("http://{address}/")]);
-    let Ok(output) = browser.output() else {
-        eprintln!("skipped: there is no chromium here (apt-get install chromium)");
-        return;
-    };
-    let dom = String::from_utf8_lossy(&output.stdout);
-    let said = String::from_utf8_lossy(&output.stderr);
+    let before = scene_text(folder.path());
+    let Some(mut page) = Page::open(&format!("http://{address}/")) else { return };
+    page.wait_until("document.querySelectorAll('#cameras [data-outline]').length > 0");
     // On the plan, in the list, and in a camera.
-    for part in
-        [">door &lt;1&gt;</text>", "Kind of zone door", "data-outline=\"door", "data-camera=\"Küche links\""]
-    {
-        assert!(dom.contains(part), "no `{part}` in:\n{dom}\n{said}");
+    let shown = page.value("document.documentElement.outerHTML");
+    let shown = shown.as_str().unwrap();
+    for part in [">door &lt;1&gt;</text>", "Kind of zone door", "data-camera=\"Küche links\""] {
+        assert!(shown.contains(part), "no `{part}` in:\n{shown}");
     }
-    assert!(dom.contains("id=\"unsaved\" hidden"), "{dom}");
+    assert!(
+        page.value("document.getElementById('unsaved').hidden && document.getElementById('undo').disabled")
+            == true
+    );
+
+    let plan = room_json(address)["plan"].clone();
+    let number = |value: &Value| value.as_f64().unwrap();
+    // Place in the window of a place of the floor, metres.
+    let at = |page: &mut Page, x: f64, y: f64| -> [f64; 2] {
+        let scale = number(&plan["px_per_m"]);
+        let u = number(&plan["corner_px"][0]) + (x - number(&plan["low"][0])) * scale;
+        let v = number(&plan["corner_px"][1]) + (number(&plan["high"][1]) - y) * scale;
+        let place = page.value(&format!(
+            "(({{x, y}}) => [x, y])(new DOMPoint({u}, {v}).matrixTransform(document.getElementById('plan').getScreenCTM()))"
+        ));
+        serde_json::from_value(place).unwrap()
+    };
+    page.click("#draw");
+    page.wait_until("document.getElementById('draw').ariaPressed === 'true'");
+    for (x, y) in [(1.0, 1.0), (2.0, 1.0), (2.0, 2.0)] {
+        let corner = at(&mut page, x, y);
+        page.drag(&[corner]);
+    }
+    page.press("Enter", 0);
+    page.wait_until("document.querySelectorAll('#zones input').length === 2 && document.activeElement.matches('#zones input')");
+    page.value("document.activeElement.select()");
+    page.type_text("gate");
+
+    let corner = |index: usize| format!("#plan [data-corner='{index}']");
+    let label = |page: &mut Page, index: usize| -> String {
+        let label = page.value(&format!("document.querySelector(\"{}\").ariaLabel", corner(index)));
+        label.as_str().unwrap().to_owned()
+    };
+    let drag = |page: &mut Page, index: usize, x: f64, y: f64| {
+        let [from, to] = [page.middle_of(&corner(index)), at(page, x, y)];
+        let middle = [0, 1].map(|axis| 0.5 * (from[axis] + to[axis]));
+        page.drag(&[from, middle, to]);
+    };
+    drag(&mut page, 1, 4.0, 1.0);
+    let left = label(&mut page, 2);
+    drag(&mut page, 2, 4.0, 4.0);
+    assert_ne!(label(&mut page, 2), left, "the corner was not moved");
+    page.click("#undo");
+    assert_eq!(label(&mut page, 2), left);
+    assert!(page.value("document.getElementById('unsaved').hidden") == false);
+    assert_eq!(scene_text(folder.path()), before, "written before it is saved");
+    page.press("s", CTRL);
+    page.wait_until("document.getElementById('message').textContent === 'Saved.'");
+    assert!(page.value("document.getElementById('unsaved').hidden") == true);
+
+    let after = scene_text(folder.path());
+    let added = after.strip_prefix(&before).expect("the zone follows what was there");
+    assert!(added.starts_with("\n[[zone]]\nname = \"gate\"\npolygon = "), "{added}");
+    let zones = Room::read(folder.path()).unwrap().zones;
+    assert_eq!((zones.len(), zones[1].kind), (2, ZoneKind::Both));
+    // A pixel of the window is less than 3 cm of this floor.
+    for (corner, (x, y)) in zones[1].polygon.0.iter().zip([(1.0, 1.0), (4.0, 1.0), (2.0, 2.0)]) {
+        assert!((corner - Point2::new(x, y)).amax() < 0.06, "{corner} is not at {x}, {y}");
+    }
 }

@@ -1,20 +1,18 @@
-//! Replacement of the zones in a `scene.toml`, with everything else preserved byte for byte.
+//! Replacement of the zones in a `scene.toml`, with everything else preserved: tables, unknown keys, comments, layout
+//! and line ends.
 //!
-//! People edit that file, too. So it is not serialised anew: the parser only locates each zone, and the text between is
-//! left alone, comments, layout and line ends included. A zone keeps its table, with the comments in it, as long as it
-//! keeps its name or its outline; tables of new zones follow the last one.
+//! People edit that file, too, so it is changed as a document (`toml_edit`), not serialised anew. A zone keeps its
+//! table, with the comments in it, as long as it keeps its name or its outline; tables of new zones follow the last
+//! one.
 
 #[cfg(test)]
 mod tests;
 
-use std::fmt::Write;
-use std::ops::Range;
 use std::path::Path;
 
 use calib::files::write_atomic;
 use serde::{Deserialize, Serialize};
-use toml::Spanned;
-use toml::de::DeTable;
+use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, Value};
 
 use super::read::scene_file_in;
 use super::validate::drawn_zones_defect;
@@ -63,8 +61,8 @@ pub fn replace_zones(dir: &Path, zones: &[Zone], version: &SceneVersion) -> Resu
     if SceneVersion::of_bytes(text.as_bytes()) != *version {
         return Err(Error::Changed { path });
     }
-    let rewritten = rewritten(&text, zones)
-        .map_err(|e| Error::content(&path, "[[zone]]", e.message().replace('\n', " ")))?;
+    let rewritten =
+        rewritten(&text, zones).map_err(|e| Error::content(&path, "[[zone]]", e.replace('\n', " ")))?;
     write_atomic(&path, rewritten.as_bytes())?;
     Ok(SceneVersion::of_bytes(rewritten.as_bytes()))
 }
@@ -82,98 +80,90 @@ fn refuse_what_is_not_ours_to_write(path: &Path) -> Result<()> {
     Err(Error::content(path, "whole file", problem))
 }
 
-/// The part of a `scene.toml` that is parsed here.
+/// Zones as a file states them.
 #[derive(Deserialize)]
-struct Tables {
+struct StatedZones {
     #[serde(default)]
-    zone: Vec<Spanned<ZoneTable>>,
+    zone: Vec<StatedZone>,
 }
 
-/// A zone's table, with the spans of its values.
+/// A zone as a file states it. Keys that are unknown here are left to the reader of the room.
 #[derive(Deserialize)]
-struct ZoneTable {
-    name: Spanned<String>,
-    polygon: Spanned<Polygon>,
-    kind: Option<Spanned<ZoneKind>>,
+struct StatedZone {
+    name: String,
+    polygon: Polygon,
+    kind: Option<ZoneKind>,
 }
-
-impl ZoneTable {
-    /// End of the last value.
-    fn end(&self) -> usize {
-        let kind = self.kind.as_ref().map_or(0, |kind| kind.span().end);
-        self.name.span().end.max(self.polygon.span().end).max(kind)
-    }
-}
-
-/// A range of the text and its replacement.
-type Cut = (Range<usize>, String);
 
 /// Text of a scene file with other zones.
-fn rewritten(text: &str, zones: &[Zone]) -> std::result::Result<String, toml::de::Error> {
-    let Tables { zone: tables } = toml::from_str(text)?;
-    let newline = if text.contains("\r\n") { "\r\n" } else { "\n" };
-    let mut cuts: Vec<Cut> = Vec::new();
-    let mut is_new = vec![true; zones.len()];
-    // Position at which new tables are inserted.
-    let mut end = text.len();
-    if let Some(assignment) = assigned(text)? {
-        // `zone = [{ … }]` is one value; tables are written instead, since lines cannot be inserted into every form of
-        // it.
-        cuts.push((lines(text, assignment), String::new()));
-    } else {
-        let zone_of_table = zone_of_each_table(&tables, zones);
-        for (table, zone) in tables.iter().zip(zone_of_table) {
-            let place = table.span().start..table.get_ref().end();
-            end = end_of_line(text, place.end);
-            if let Some(i) = zone {
-                is_new[i] = false;
-                cuts.extend(changes(text, table.get_ref(), &zones[i], newline));
-            } else {
-                cuts.push((lines(text, place), String::new()));
-            }
+fn rewritten(text: &str, zones: &[Zone]) -> std::result::Result<String, String> {
+    let stated: StatedZones = toml::from_str(text).map_err(|e| e.message().to_owned())?;
+    let mut document: DocumentMut = text.parse().map_err(|e: toml_edit::TomlError| e.message().to_owned())?;
+    let zone_of_table = zone_of_each_table(&stated.zone, zones);
+    // Comments that stood above the header of a table that goes, with the table's position.
+    let mut orphans = Vec::new();
+    // Zones written as one value, `zone = [{ … }]`, become tables: not every form of the value takes comments.
+    let is_value = document.get("zone").is_some_and(Item::is_value);
+    if let Some(key) = document.key("zone").filter(|_| is_value) {
+        let above = key.leaf_decor().prefix().and_then(|prefix| prefix.as_str());
+        orphans.push((None, above.unwrap_or_default().to_owned()));
+    }
+    let old = document.remove("zone").and_then(|item| match item {
+        Item::ArrayOfTables(tables) => Some(tables),
+        _ => None,
+    });
+    let old = old.unwrap_or_default();
+    let last_position = old.iter().filter_map(Table::position).max();
+    let mut tables = ArrayOfTables::new();
+    for ((mut table, stated), zone) in old.into_iter().zip(&stated.zone).zip(&zone_of_table) {
+        if let Some(i) = *zone {
+            update(&mut table, stated, &zones[i]);
+            tables.push(table);
+        } else {
+            orphans.push((table.position(), comments_above(&table)));
         }
     }
-    let mut added = String::new();
-    for (zone, _) in zones.iter().zip(is_new).filter(|(_, is_new)| *is_new) {
-        added += &written(zone, newline);
+    let is_new = |i: &usize| is_value || !zone_of_table.contains(&Some(*i));
+    for i in (0..zones.len()).filter(is_new) {
+        let mut table = new_table(&zones[i]);
+        // Of tables with equal positions the first in the list is written first.
+        table.set_position(last_position.or(Some(isize::MAX)));
+        tables.push(table);
     }
-    if !added.is_empty() && !text[..end].is_empty() && !text[..end].ends_with('\n') {
-        added.insert_str(0, newline);
+    if last_position.is_none()
+        && let Some(first) = tables.get_mut(0)
+    {
+        // New tables come last, after the comments at the file's end.
+        let ending = document.trailing().as_str().unwrap_or_default().to_owned();
+        document.set_trailing("");
+        put_above(first, &ending);
     }
-    cuts.push((end..end, added));
-    // At equal positions insertions come after deletions that end there.
-    cuts.sort_by_key(|(range, _)| (range.start, range.end));
-    let mut result = String::with_capacity(text.len());
-    let mut at = 0;
-    for (range, instead) in cuts {
-        result += &text[at..range.start];
-        result += &instead;
-        at = range.end;
+    document.insert("zone", Item::ArrayOfTables(tables));
+    for (position, comments) in orphans.into_iter().rev() {
+        if let Some(table) = next_table(document.as_table_mut(), position) {
+            put_above(table, &comments);
+        } else {
+            let ending = document.trailing().as_str().unwrap_or_default();
+            document.set_trailing(comments + ending);
+        }
     }
-    result += &text[at..];
-    Ok(result)
-}
-
-/// Span of `zone = …`, if the zones are written as a value and not as tables.
-fn assigned(text: &str) -> std::result::Result<Option<Range<usize>>, toml::de::Error> {
-    let document = DeTable::parse(text)?;
-    let Some((key, value)) = document.get_ref().get_key_value("zone") else { return Ok(None) };
-    // The span of tables is that of the first header; a list of lists is no list of zones.
-    let is_value = !text[value.span()].starts_with("[[");
-    Ok(is_value.then(|| key.span().start..value.span().end))
+    let mut rewritten = document.to_string();
+    if !text.ends_with('\n') && rewritten.ends_with('\n') {
+        rewritten.pop();
+    }
+    // The document is written with line feeds alone.
+    Ok(if text.contains("\r\n") { rewritten.replace('\n', "\r\n") } else { rewritten })
 }
 
 /// Index of the zone that each table belongs to from now on: the one of its name, else the one of its outline.
-fn zone_of_each_table(tables: &[Spanned<ZoneTable>], zones: &[Zone]) -> Vec<Option<usize>> {
+fn zone_of_each_table(tables: &[StatedZone], zones: &[Zone]) -> Vec<Option<usize>> {
     let mut of_table = vec![None; tables.len()];
     let mut taken = vec![false; zones.len()];
-    let belongs: [fn(&ZoneTable, &Zone) -> bool; 2] = [
-        |table, zone| *table.name.get_ref() == zone.name,
-        |table, zone| is_same(table.polygon.get_ref(), &zone.polygon),
-    ];
+    let belongs: [fn(&StatedZone, &Zone) -> bool; 2] =
+        [|table, zone| table.name == zone.name, |table, zone| is_same(&table.polygon, &zone.polygon)];
     for belongs in belongs {
         for (table, of_table) in tables.iter().zip(&mut of_table).filter(|(_, zone)| zone.is_none()) {
-            *of_table = (0..zones.len()).find(|i| !taken[*i] && belongs(table.get_ref(), &zones[*i]));
+            *of_table = (0..zones.len()).find(|i| !taken[*i] && belongs(table, &zones[*i]));
             if let Some(i) = *of_table {
                 taken[i] = true;
             }
@@ -186,67 +176,77 @@ fn is_same(a: &Polygon, b: &Polygon) -> bool {
     a.0.len() == b.0.len() && a.0.iter().zip(&b.0).all(|(a, b)| (a - b).amax() <= SAME_M)
 }
 
-/// Edits for the values of a table that differ from a zone's.
-fn changes(text: &str, table: &ZoneTable, zone: &Zone, newline: &str) -> Vec<Cut> {
-    let mut cuts = Vec::new();
-    if *table.name.get_ref() != zone.name {
-        cuts.push((table.name.span(), name_text(&zone.name)));
+/// Changes the values of a table that differ from a zone's.
+fn update(table: &mut Table, stated: &StatedZone, zone: &Zone) {
+    if stated.name != zone.name {
+        set(table, "name", zone.name.as_str().into());
     }
-    if !is_same(table.polygon.get_ref(), &zone.polygon) {
-        cuts.push((table.polygon.span(), polygon_text(&zone.polygon)));
+    if !is_same(&stated.polygon, &zone.polygon) {
+        set(table, "polygon", polygon_value(&zone.polygon));
     }
-    match &table.kind {
-        Some(kind) if *kind.get_ref() != zone.kind => cuts.push((kind.span(), kind_text(zone.kind).into())),
-        None if zone.kind != ZoneKind::default() => {
-            let end = end_of_line(text, table.end());
-            let line = format!("kind = {}", kind_text(zone.kind));
-            let is_ended = text[..end].ends_with('\n');
-            let line = if is_ended { line + newline } else { newline.to_owned() + &line };
-            cuts.push((end..end, line));
-        }
-        _ => {}
+    if stated.kind.unwrap_or_default() != zone.kind {
+        set(table, "kind", kind_text(zone.kind).into());
     }
-    cuts
 }
 
-/// Text of a zone's table, with an empty line before it.
-fn written(zone: &Zone, newline: &str) -> String {
-    let (name, polygon) = (name_text(&zone.name), polygon_text(&zone.polygon));
-    let mut table = format!("{newline}[[zone]]{newline}name = {name}{newline}polygon = {polygon}{newline}");
+/// Sets a value; comments around the old one stay.
+fn set(table: &mut Table, key: &str, mut value: Value) {
+    if let Some(old) = table.get_mut(key).and_then(Item::as_value_mut) {
+        *value.decor_mut() = old.decor().clone();
+        *old = value;
+    } else {
+        table.insert(key, Item::Value(value));
+    }
+}
+
+/// Table of a zone, with an empty line before it.
+fn new_table(zone: &Zone) -> Table {
+    let mut table = Table::new();
+    table.decor_mut().set_prefix("\n");
+    set(&mut table, "name", zone.name.as_str().into());
+    set(&mut table, "polygon", polygon_value(&zone.polygon));
     if zone.kind != ZoneKind::default() {
-        // Writing to a string cannot fail.
-        let _ = write!(table, "kind = {}{newline}", kind_text(zone.kind));
+        set(&mut table, "kind", kind_text(zone.kind).into());
     }
     table
 }
 
-fn name_text(name: &str) -> String {
-    toml::Value::from(name).to_string()
-}
-
-fn polygon_text(polygon: &Polygon) -> String {
-    let corners: Vec<String> = polygon.0.iter().map(|p| format!("[{:?}, {:?}]", p.x, p.y)).collect();
-    format!("[{}]", corners.join(", "))
+fn polygon_value(polygon: &Polygon) -> Value {
+    polygon.0.iter().map(|corner| Array::from_iter([corner.x, corner.y])).collect()
 }
 
 fn kind_text(kind: ZoneKind) -> &'static str {
     match kind {
-        ZoneKind::Entry => "\"entry\"",
-        ZoneKind::Exit => "\"exit\"",
-        ZoneKind::Both => "\"both\"",
+        ZoneKind::Entry => "entry",
+        ZoneKind::Exit => "exit",
+        ZoneKind::Both => "both",
     }
 }
 
-/// Whole lines that a range of the text stands on, with the empty line before them, if there is one.
-fn lines(text: &str, place: Range<usize>) -> Range<usize> {
-    let start_of_line = |at: usize| text[..at].rfind('\n').map_or(0, |i| i + 1);
-    let start = start_of_line(place.start);
-    let before = start_of_line(start.saturating_sub(1));
-    let start = if text[before..start].trim().is_empty() { before } else { start };
-    start..end_of_line(text, place.end)
+/// Lines above a table's header, without the last one where that is empty.
+fn comments_above(table: &Table) -> String {
+    let above = table.decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default();
+    // What follows the last line break is the header's indentation.
+    let mut lines: Vec<&str> = above.split_inclusive('\n').filter(|line| line.ends_with('\n')).collect();
+    if lines.last().is_some_and(|line| line.trim().is_empty()) {
+        lines.pop();
+    }
+    lines.concat()
 }
 
-/// Position after the line break that ends the line of `at`, or the text's end.
-fn end_of_line(text: &str, at: usize) -> usize {
-    text[at..].find('\n').map_or(text.len(), |i| at + i + 1)
+/// Puts lines above those that stand above a table's header.
+fn put_above(table: &mut Table, lines: &str) {
+    let above = table.decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default();
+    let above = format!("{lines}{above}");
+    table.decor_mut().set_prefix(above);
+}
+
+/// First table of the file's top level whose header is at this position or after it.
+fn next_table(document: &mut Table, position: Option<isize>) -> Option<&mut Table> {
+    let tables = document.iter_mut().flat_map(|(_, item)| match item {
+        Item::Table(table) => vec![table],
+        Item::ArrayOfTables(tables) => tables.iter_mut().collect(),
+        _ => Vec::new(),
+    });
+    tables.filter(|table| table.position() >= position).min_by_key(|table| table.position())
 }

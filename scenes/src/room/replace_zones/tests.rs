@@ -30,7 +30,7 @@ matrix = [[430.0, 0.0, 319.5], [0.0, 430.0, 239.5], [0.0, 0.0, 1.0]]
 rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 translation = [0, 0, 0]
 
-  [[ zone ]]
+  [[zone]]
   polygon = [[3.0, 0.0], [4.0, 0.0], [4.0, 1.0]]
   name = "gate"
 # after the gate
@@ -102,7 +102,7 @@ fn zones_come_after_the_last_and_go_with_their_lines() {
     let gate = all.remove(1);
     all.push(zone("new", 5.0, ZoneKind::Entry));
     replace(folder.path(), &all).unwrap();
-    let table = "\n  [[ zone ]]\n  polygon = [[3.0, 0.0], [4.0, 0.0], [4.0, 1.0]]\n  name = \"gate\"\n";
+    let table = "\n  [[zone]]\n  polygon = [[3.0, 0.0], [4.0, 0.0], [4.0, 1.0]]\n  name = \"gate\"\n";
     let new = "\n[[zone]]\nname = \"new\"\n\
                polygon = [[5.0, 0.1], [6.0, 0.1], [6.0, 0.3333333333333333], [5.0, 0.3333333333333333]]\n\
                kind = \"entry\"\n";
@@ -130,9 +130,51 @@ fn zones_in_one_line_become_tables() {
 }
 
 fn without_zones() -> String {
-    let (first, gate) = (SCENE.find("[[zone]]").unwrap(), SCENE.find("  [[ zone ]]").unwrap());
+    let (first, gate) = (SCENE.find("[[zone]]").unwrap(), SCENE.find("  [[zone]]").unwrap());
     let (camera, after) = (SCENE.find("[[camera]]").unwrap(), SCENE.find("# after").unwrap());
     [&SCENE[..first], &SCENE[camera..gate], &SCENE[after..]].concat()
+}
+
+/// The zones of a file, and all else.
+#[derive(Debug, PartialEq, Deserialize)]
+struct Tables {
+    #[serde(default)]
+    zone: Vec<toml::Table>,
+    #[serde(flatten)]
+    others: toml::Table,
+}
+
+/// Tables and keys of a later version, and comments at places where an edit could lose them.
+#[test]
+fn unknown_tables_and_all_comments_outlive_every_zone() {
+    let later = SCENE
+        .replace(
+            "kind=\"exit\"\n",
+            "kind=\"exit\"\ncolor = 'red'\n\n[[region]]\n# of the sofa\nname = \"sofa\"\n",
+        )
+        .replace("# after the gate", "# after the gate\n[[line]]\nends = [[0, 0], [1, 1]]");
+    let document = |text: &str| -> Tables { Tables { zone: Vec::new(), ..toml::from_str(text).unwrap() } };
+    let mut stays: Vec<StatedZone> = toml::from_str::<StatedZones>(&later).unwrap().zone;
+    let door = stays.remove(0);
+    let door = Zone { name: door.name, polygon: door.polygon, kind: ZoneKind::Both };
+    let mut text = rewritten(&later, &[door]).unwrap();
+    assert!(text.contains("kind=\"both\"\ncolor = 'red'\n"), "{text}");
+    for zones in [vec![], vec![zone("new", 1.0, ZoneKind::Exit)], vec![]] {
+        text = rewritten(&text, &zones).unwrap();
+        assert_eq!(document(&text), document(&later));
+        for comment in
+            ["# my room", "# of the file", "# The doors.", "# north", "# of the sofa", "# after the gate"]
+        {
+            assert_eq!(text.matches(comment).count(), 1, "{comment} in\n{text}");
+        }
+    }
+    let line = "format = 1\n# doors\nzone = []\n[floor]\n# the end\n";
+    let text = rewritten(line, &[zone("new", 1.0, ZoneKind::Both)]).unwrap();
+    assert_eq!(
+        text.lines().filter(|line| line.starts_with('#')).collect::<Vec<_>>(),
+        ["# doors", "# the end"]
+    );
+    assert!(text.find("# the end") < text.find("[[zone]]"), "{text}");
 }
 
 #[test]

@@ -5,7 +5,9 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
-use axum::http::Method;
+use axum::Router;
+use axum::extract::State;
+use axum::routing::get;
 use prometheus_client::encoding::text;
 use prometheus_client::registry::Registry;
 use shell::loopback::{Answer, Listener};
@@ -45,14 +47,11 @@ impl MetricsServer {
         let listener = TcpListener::bind(address).and_then(Listener::of).map_err(refused)?;
         let runtime = Builder::new_current_thread().enable_all().build().map_err(refused)?;
         let own_address = listener.address();
-        let registry = Arc::new(registry);
         let (end, ended) = oneshot::channel();
         let serve = move || {
             runtime.block_on(async move {
-                let answers = listener.serve(move |request| {
-                    let answer = answer(&registry, request.method(), request.uri().path());
-                    async move { answer }
-                });
+                let routes = Router::new().route("/metrics", get(metrics)).with_state(Arc::new(registry));
+                let answers = listener.serve(routes);
                 tokio::select! {
                     served = answers => {
                         if let Err(e) = served {
@@ -86,15 +85,9 @@ impl Drop for MetricsServer {
     }
 }
 
-fn answer(registry: &Registry, method: &Method, path: &str) -> Answer {
-    if path != "/metrics" {
-        return Answer::not_found(path);
-    }
-    if ![Method::GET, Method::HEAD].contains(method) {
-        return Answer::other_method(path, "GET, HEAD");
-    }
+async fn metrics(State(registry): State<Arc<Registry>>) -> Answer {
     let mut body = String::new();
-    match text::encode(&mut body, registry) {
+    match text::encode(&mut body, &registry) {
         Ok(()) => Answer::ok(OPEN_METRICS, body),
         Err(e) => Answer::error(500, &e.to_string()),
     }

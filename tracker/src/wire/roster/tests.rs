@@ -1,6 +1,8 @@
 //! Tests of the roster's decisions, with a clock of their own and no network.
 
 use super::*;
+use crate::foreground::Verdict;
+use crate::observation::Observation;
 use crate::wire::{ExpectedCamera, Fingerprint};
 
 const ROOM: Fingerprint = Fingerprint([9; Fingerprint::BYTES]);

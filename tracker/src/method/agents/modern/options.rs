@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Result};
+use crate::Result;
+use crate::option_checks::check_numbers;
 
 /// Options of the modern rule. [`Self::simulation`] is for the published simulation, the default for cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -95,7 +96,7 @@ impl ModernOptions {
     /// Checks that all options are within their ranges.
     ///
     /// # Errors
-    /// [`Error::Option`] for the first that is not.
+    /// [`crate::Error::Option`] for the first that is not.
     pub fn validate(&self) -> Result<()> {
         let above_0 = [
             ("acceleration_m_s2", self.acceleration_m_s2),
@@ -108,11 +109,7 @@ impl ModernOptions {
             ("meet_m", self.meet_m),
             ("confusion", self.confusion),
         ];
-        for (name, value) in above_0 {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::option(name, format!("is {value}; give a number above 0")));
-            }
-        }
+        check_numbers(above_0, |value| value > 0.0, "a number above 0")?;
         let from_0 = [
             ("correlation_s", self.correlation_s),
             ("look_correlation_s", self.look_correlation_s),
@@ -122,19 +119,10 @@ impl ModernOptions {
             ("carry_s", self.carry_s),
             ("naming_s", self.naming_s),
         ];
-        for (name, value) in from_0 {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::option(name, format!("is {value}; give 0 or more seconds")));
-            }
-        }
-        if !(1.0..=3.0).contains(&self.independent_colours) {
-            let value = self.independent_colours;
-            return Err(Error::option("independent_colours", format!("is {value}; give 1 to 3")));
-        }
-        if !(1.0..=10.0).contains(&self.crowded_factor) {
-            let value = self.crowded_factor;
-            return Err(Error::option("crowded_factor", format!("is {value}; give 1 to 10")));
-        }
-        Ok(())
+        check_numbers(from_0, |value| value >= 0.0, "0 or more seconds")?;
+        let colours = [("independent_colours", self.independent_colours)];
+        check_numbers(colours, |value| (1.0..=3.0).contains(&value), "1 to 3")?;
+        let crowded = [("crowded_factor", self.crowded_factor)];
+        check_numbers(crowded, |value| (1.0..=10.0).contains(&value), "1 to 10")
     }
 }

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Result};
+use crate::Result;
+use crate::option_checks::check_numbers;
 
 /// Options of the published rule. Names in brackets are the paper's; values that it leaves open were chosen by
 /// simulation.
@@ -95,7 +96,7 @@ impl PublishedOptions {
     /// Checks that all options are within their ranges.
     ///
     /// # Errors
-    /// [`Error::Option`] for the first that is not.
+    /// [`crate::Error::Option`] for the first that is not.
     pub fn validate(&self) -> Result<()> {
         let from_0 = [
             ("crossing_penalty", self.crossing_penalty),
@@ -112,11 +113,7 @@ impl PublishedOptions {
             ("alone_s", self.alone_s),
             ("filter_s", self.filter_s),
         ];
-        for (name, value) in from_0 {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::option(name, format!("is {value}; give 0 or more")));
-            }
-        }
+        check_numbers(from_0, |value| value >= 0.0, "0 or more")?;
         let fractions = [
             ("frequent", self.frequent),
             ("memory_confidence", self.memory_confidence),
@@ -125,11 +122,6 @@ impl PublishedOptions {
             ("joining_confidence", self.joining_confidence),
             ("creation_confidence", self.creation_confidence),
         ];
-        for (name, value) in fractions {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(Error::option(name, format!("is {value}; give 0 to 1")));
-            }
-        }
-        Ok(())
+        check_numbers(fractions, |value| (0.0..=1.0).contains(&value), "0 to 1")
     }
 }

@@ -1,0 +1,155 @@
+//! A page in Chromium, driven through the protocol of its developer tools
+//! <https://chromedevtools.github.io/devtools-protocol/>.
+//!
+//! Commands and replies are JSON with a zero byte at the end, on pipes that the browser expects as its files 3 and 4.
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+/// Longest wait for the browser and for anything on its page: it starts slowly on a busy machine.
+const PATIENCE: Duration = Duration::from_mins(2);
+/// `modifiers` of a key that is pressed together with Ctrl.
+pub(super) const CTRL: u32 = 2;
+
+/// A page in a browser of its own, which ends with it.
+pub(super) struct Page {
+    browser: Child,
+    commands: ChildStdin,
+    /// Replies and events, one a message.
+    messages: Receiver<Vec<u8>>,
+    /// Id of the page's session, empty before there is one.
+    session: String,
+    last_command: u64,
+    _profile: TempDir,
+}
+
+impl Page {
+    /// Opens a page; `None`, with a visible line, where there is no chromium.
+    pub(super) fn open(url: &str) -> Option<Self> {
+        if Command::new("chromium").arg("--version").stdout(Stdio::null()).status().is_err() {
+            eprintln!("skipped: there is no chromium here (apt-get install chromium)");
+            return None;
+        }
+        let profile = tempfile::tempdir().unwrap();
+        let mut browser = Command::new("sh")
+            .args(["-c", "exec chromium \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"])
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+            .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+            .args(["--disable-dev-shm-usage", "--remote-debugging-pipe"])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let commands = browser.stdin.take().unwrap();
+        let (sender, messages) = channel();
+        let mut replies = BufReader::new(browser.stdout.take().unwrap()).split(0);
+        // The thread ends with the browser, or with the test.
+        thread::spawn(move || while replies.next().is_some_and(|r| sender.send(r.unwrap()).is_ok()) {});
+        let (session, last_command) = (String::new(), 0);
+        let mut page = Self { browser, commands, messages, session, last_command, _profile: profile };
+        let target = page.command("Target.createTarget", &json!({ "url": "about:blank" }));
+        let attach = json!({ "targetId": target["targetId"], "flatten": true });
+        page.session = page.command("Target.attachToTarget", &attach)["sessionId"].as_str().unwrap().into();
+        page.command("Runtime.enable", &json!({}));
+        let size = json!({ "width": 1400, "height": 1000, "deviceScaleFactor": 1, "mobile": false });
+        page.command("Emulation.setDeviceMetricsOverride", &size);
+        page.command("Page.navigate", &json!({ "url": url }));
+        Some(page)
+    }
+
+    /// Result of a command. An exception in the page's scripts ends the test.
+    fn command(&mut self, method: &str, parameters: &Value) -> Value {
+        self.last_command += 1;
+        let mut command = json!({ "id": self.last_command, "method": method, "params": parameters });
+        if !self.session.is_empty() {
+            command["sessionId"] = self.session.clone().into();
+        }
+        write!(self.commands, "{command}\0").unwrap();
+        loop {
+            let message = self.messages.recv_timeout(PATIENCE).expect("chromium answers");
+            let mut message: Value = serde_json::from_slice(&message).unwrap();
+            assert!(message["method"] != "Runtime.exceptionThrown", "{message:#}");
+            if message["id"] == self.last_command {
+                assert!(message.get("error").is_none(), "{method}: {message:#}");
+                return message["result"].take();
+            }
+        }
+    }
+
+    /// Value of a JavaScript expression.
+    pub(super) fn value(&mut self, expression: &str) -> Value {
+        let asked = json!({ "expression": expression, "returnByValue": true });
+        let mut reply = self.command("Runtime.evaluate", &asked);
+        assert!(reply.get("exceptionDetails").is_none(), "{expression}: {reply:#}");
+        reply["result"]["value"].take()
+    }
+
+    /// Waits until a JavaScript condition holds.
+    pub(super) fn wait_until(&mut self, condition: &str) {
+        let started = Instant::now();
+        while self.value(condition) != true {
+            let waited = started.elapsed();
+            assert!(waited < PATIENCE, "{condition}:\n{}", self.value("document.body.outerHTML"));
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Moves the mouse to a place of the window, presses the left button, moves through the others, and releases it.
+    pub(super) fn drag(&mut self, places: &[[f64; 2]]) {
+        let event = |kind: &str, [x, y]: [f64; 2], buttons: u32| {
+            let button = if kind == "mouseMoved" { "none" } else { "left" };
+            json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1 })
+        };
+        let (first, last) = (places[0], places[places.len() - 1]);
+        let mut events = vec![event("mouseMoved", first, 0), event("mousePressed", first, 1)];
+        events.extend(places[1..].iter().map(|place| event("mouseMoved", *place, 1)));
+        events.push(event("mouseReleased", last, 0));
+        for event in events {
+            self.command("Input.dispatchMouseEvent", &event);
+        }
+    }
+
+    /// Clicks the middle of the first element that a CSS selector matches.
+    pub(super) fn click(&mut self, selector: &str) {
+        let middle = self.middle_of(selector);
+        self.drag(&[middle]);
+    }
+
+    /// Middle of the first element that a CSS selector matches, in the window.
+    pub(super) fn middle_of(&mut self, selector: &str) -> [f64; 2] {
+        let selector = json!(selector);
+        let middle = self.value(&format!(
+            "(({{x, y, width, height}}) => [x + width / 2, y + height / 2])\
+             (document.querySelector({selector}).getBoundingClientRect())"
+        ));
+        serde_json::from_value(middle).unwrap()
+    }
+
+    /// Presses and releases a key, named as in a `KeyboardEvent`.
+    pub(super) fn press(&mut self, key: &str, modifiers: u32) {
+        for kind in ["rawKeyDown", "keyUp"] {
+            let event = json!({ "type": kind, "key": key, "modifiers": modifiers });
+            self.command("Input.dispatchKeyEvent", &event);
+        }
+    }
+
+    /// Types a text into the element that has the focus.
+    pub(super) fn type_text(&mut self, text: &str) {
+        self.command("Input.insertText", &json!({ "text": text }));
+    }
+}
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        // A browser that has ended by itself cannot be killed, which is as good.
+        let _ = self.browser.kill();
+        let _ = self.browser.wait();
+    }
+}

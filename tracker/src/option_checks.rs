@@ -1,0 +1,18 @@
+//! Checks of numeric options, one line of error for all of them.
+
+use crate::{Error, Result};
+
+/// Checks that named numbers are finite and as wanted; `wanted` completes "give …".
+///
+/// # Errors
+/// [`Error::Option`] for the first that is not.
+pub(crate) fn check_numbers<'a>(
+    options: impl IntoIterator<Item = (&'a str, f64)>,
+    is_valid: impl Fn(f64) -> bool,
+    wanted: &str,
+) -> Result<()> {
+    match options.into_iter().find(|(_, value)| !(value.is_finite() && is_valid(*value))) {
+        Some((name, value)) => Err(Error::option(name, format!("is {value}; give {wanted}"))),
+        None => Ok(()),
+    }
+}
