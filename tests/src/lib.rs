@@ -4,6 +4,7 @@
 //! * [`chain`] — the programs, run as a person runs them, with measurements.
 //! * [`events`] — events against those of true paths, at regions and lines in any room.
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
+//! * [`mask_recording`] — exact masks of synthetic people in the files that `tracker run` reads.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`network_camera`] — a fake network camera with a clock, losses and faults of its own.
 //! * [`live`] — scenarios of live input, with figures of a run on such cameras.
@@ -18,5 +19,6 @@ pub mod data;
 pub mod events;
 pub mod hall;
 pub mod live;
+pub mod mask_recording;
 pub mod network_camera;
 pub mod project;

@@ -20,6 +20,8 @@ const TOE_OFF_RAD: f32 = 0.75;
 /// Distance from the ankle forward to the ball of the foot, and back to the heel.
 const BALL: f32 = 0.085;
 const HEEL: f32 = 0.028;
+/// Height of the hips above the floor on a seat.
+const SEATED_HIP: f32 = 0.285;
 /// Height to which a swinging foot is lifted.
 const LIFT: f32 = 0.035;
 
@@ -108,6 +110,25 @@ impl BodyPose {
             arms: [arm(swing), arm(-swing)],
             legs,
         }
+    }
+
+    /// The pose `share` of the way down to a seat below the pelvis: thighs level, shanks upright, hands on the knees.
+    pub(super) fn seated(mut self, share: f32, height_m: f32) -> Self {
+        let down = share * (self.pelvis.z - SEATED_HIP * height_m);
+        let forward = Vec2::from_angle(self.heading_rad);
+        self.pelvis.z -= down;
+        self.lean_rad *= 1.0 - share;
+        for leg in &mut self.legs {
+            let hip = leg.hip - Vec3::Z * down;
+            let ball = (hip.truncate() + forward * ((THIGH + BALL) * height_m)).extend(leg.toe.z);
+            let floor = Foot::around_ball(leg.toe.lerp(ball, share).truncate(), forward, 0.0, 0.0, height_m);
+            *leg = floor.leg(hip, forward.extend(0.0), height_m);
+        }
+        for arm in &mut self.arms {
+            arm.shoulder_rad += share * (0.5 - arm.shoulder_rad);
+            arm.elbow_rad += share * (0.8 - arm.elbow_rad);
+        }
+        self
     }
 }
 
@@ -231,6 +252,23 @@ mod tests {
         }
         // The pelvis bobs by a few centimetres.
         assert!(lowest > (HIP - 0.045) * height, "{} of {}", lowest / height, HIP);
+    }
+
+    #[test]
+    fn a_seated_person_keeps_the_bones_lengths_and_both_soles_on_the_floor() {
+        let height = 1.75;
+        for share in [0.25, 0.5, 0.75, 1.0] {
+            let pose = BodyPose::standing(Vec2::new(1.0, 2.0), 0.6, height).seated(share, height);
+            for leg in &pose.legs {
+                assert!((leg.hip.distance(leg.knee) - THIGH * height).abs() < 2e-3);
+                assert!((leg.knee.distance(leg.ankle) - SHANK * height).abs() < 2e-3);
+                assert!((leg.toe.z - SOLE * height).abs() < 1e-5);
+                if share == 1.0 {
+                    assert!((leg.knee.z - leg.hip.z).abs() < 0.02, "the thighs are level");
+                    assert!((leg.knee - leg.ankle).truncate().length() < 0.05, "the shanks are upright");
+                }
+            }
+        }
     }
 
     #[test]

@@ -53,12 +53,45 @@ pub struct Walker {
     /// Appearance of the person.
     pub body: Body,
     trajectory: Trajectory,
+    /// Start and end of the time on a seat, seconds.
+    seated_s: Option<(f64, f64)>,
 }
 
 impl Walker {
     /// A random person on a given way: from `first_s` on (to a quarter of a second) through the corners of the way, at
     /// a steady speed. Collisions are not avoided.
     pub fn along(id: u32, seed: u64, first_s: f64, speed_m_s: f64, way: &[Point2<f64>]) -> Self {
+        let first_step = (first_s / PLAN_STEP_S).round() as usize;
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let trajectory = Trajectory::new(&(first_step, Self::places(speed_m_s, way)));
+        Self { id, body: Body::random(&mut rng), trajectory, seated_s: None }
+    }
+
+    /// [`Self::along`] the way `to` a seat at its end, on which the person sits for `stay_s` seconds, and then along the
+    /// way `from` it.
+    pub fn with_seat(
+        id: u32,
+        seed: u64,
+        first_s: f64,
+        speed_m_s: f64,
+        [to, from]: [&[Point2<f64>]; 2],
+        stay_s: f64,
+    ) -> Self {
+        let mut walker = Self::along(id, seed, first_s, speed_m_s, to);
+        let mut places = Self::places(speed_m_s, to);
+        let first_step = (first_s / PLAN_STEP_S).round() as usize;
+        let seated_from_s = PLAN_STEP_S * (first_step + places.len()) as f64;
+        let seat = places.last().copied();
+        let steps = (stay_s / PLAN_STEP_S).round() as usize;
+        places.extend(seat.iter().cycle().take(if seat.is_some() { steps } else { 0 }));
+        places.extend(Self::places(speed_m_s, from));
+        walker.trajectory = Trajectory::new(&(first_step, places));
+        walker.seated_s = Some((seated_from_s, seated_from_s + PLAN_STEP_S * steps as f64));
+        walker
+    }
+
+    /// Places of a steady walk at each planning step.
+    fn places(speed_m_s: f64, way: &[Point2<f64>]) -> Vec<Point2<f64>> {
         let step_m = speed_m_s * PLAN_STEP_S;
         let mut places: Vec<Point2<f64>> = way.first().copied().into_iter().collect();
         let mut left_m = step_m;
@@ -70,9 +103,7 @@ impl Walker {
             }
             left_m -= length_m;
         }
-        let first_step = (first_s / PLAN_STEP_S).round() as usize;
-        let mut rng = Pcg64Mcg::seed_from_u64(seed);
-        Self { id, body: Body::random(&mut rng), trajectory: Trajectory::new(&(first_step, places)) }
+        places
     }
 
     /// First and last moment of the person's presence, seconds, corridors included.
@@ -93,7 +124,21 @@ impl Walker {
 
     pub(super) fn pose(&self, time_s: f64) -> Option<BodyPose> {
         let (_, way_m, speed_m_s) = self.trajectory.at_time(time_s)?;
-        Some(BodyPose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, self.body.height_m as f32))
+        let height_m = self.body.height_m as f32;
+        let pose = BodyPose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, height_m);
+        Some(match self.seated(time_s) {
+            share if share > 0.0 => pose.seated(share as f32, height_m),
+            _ => pose,
+        })
+    }
+
+    /// How far the person is seated: 0 standing, 1 on the seat, between while sitting down and rising.
+    fn seated(&self, time_s: f64) -> f64 {
+        /// Time to sit down or to rise, seconds.
+        const SITS_DOWN_S: f64 = 1.2;
+        let Some((from_s, to_s)) = self.seated_s else { return 0.0 };
+        let t = ((time_s - from_s).min(to_s - time_s) / SITS_DOWN_S).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
     }
 
     pub(super) fn parts(&self, time_s: f64) -> Option<Vec<BodyPart>> {
@@ -123,7 +168,8 @@ impl SyntheticRoom {
                 let step = ((enters_s + attempt as f64) / PLAN_STEP_S).round() as usize;
                 if let Some(found) = plan(&floor, &plans, step, &stops, speed) {
                     let trajectory = Trajectory::new(&found);
-                    walkers.push(Walker { id: walkers.len() as u32 + 1, body, trajectory });
+                    let id = walkers.len() as u32 + 1;
+                    walkers.push(Walker { id, body, trajectory, seated_s: None });
                     plans.push(found);
                     break;
                 }
