@@ -15,6 +15,8 @@
 mod daily_outputs;
 mod day;
 mod door_matcher;
+#[cfg(test)]
+mod passage_tests;
 mod room_journal;
 mod site_files;
 mod site_ids;
