@@ -25,6 +25,7 @@
 //! * [`events`] — what happened: appearances, stays, crossed lines, states of cameras; counts, heat map, groups.
 //! * [`view`] — the same pictures live in the browser.
 //! * [`publish`] — people, events, counts and figures for other programs, while the run goes on.
+//! * [`serve`] — rooms that are followed day after day, and the people who walk between them.
 //! * [`plan`] — the floor plan with all trajectories.
 //! * [`detect`] — detections of people in one camera's pictures: input of [`link`].
 //! * [`link`] — tracks of least total cost from a whole recording's detections.
@@ -56,6 +57,7 @@ pub mod prepared_room;
 pub mod publish;
 pub mod report;
 pub mod run;
+pub mod serve;
 pub mod silhouette;
 pub mod source;
 pub mod station;

@@ -21,4 +21,5 @@ mod recon_resume;
 mod refusal;
 mod run_refusals;
 mod scenes_refusals;
+mod serve;
 mod wide_masks;

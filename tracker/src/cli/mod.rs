@@ -23,6 +23,7 @@ mod report;
 mod run;
 mod run_arguments;
 mod sampler;
+mod serve;
 mod start;
 mod station;
 mod stations;
@@ -33,6 +34,9 @@ mod weightmap;
 
 use clap::{Parser, Subcommand};
 use shell::console::Console;
+
+/// Name of the hidden subcommand of a service's rooms.
+const WORKER: &str = "room-worker";
 
 /// Tracks every person in a room, in metres on its floor, from fixed calibrated cameras.
 #[derive(Debug, Parser)]
@@ -48,6 +52,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(Box<run_arguments::RunArgs>),
+    Serve(serve::ServeArgs),
     Station(Box<station::StationArgs>),
     Watch(watch::WatchArgs),
     Detect(Box<detect::DetectArgs>),
@@ -60,12 +65,17 @@ enum Command {
     Report(report::ReportArgs),
     Export(export::ExportArgs),
     Weightmap(weightmap::WeightMapArgs),
+    /// The process of a room of `tracker serve`.
+    #[command(name = WORKER, hide = true)]
+    RoomWorker,
 }
 
 /// Runs the subcommand; returns the text for standard output.
 pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
     let printed = match &arguments.command {
         Command::Run(args) => run::run(args, console),
+        Command::Serve(args) => serve::serve(args, console, arguments.verbose),
+        Command::RoomWorker => serve::worker(console),
         Command::Station(args) => station::station(args, console),
         Command::Watch(args) => watch::watch(args),
         Command::Detect(args) => detect::detect(args, console),

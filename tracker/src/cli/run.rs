@@ -1,6 +1,6 @@
 //! `tracker run`: from videos to tracks.
 
-use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -12,10 +12,11 @@ use tracker::events::{self, Clock, EventFiles};
 use tracker::film::{Film, FilmOptions};
 use tracker::foreground::Verdict;
 use tracker::gathering::{Gathering, GatheringOptions};
+use tracker::method::RaisedIds;
 use tracker::plan::TrajectoryPlan;
 use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::run::{
-    self, AgencyLog, ClockOffsets, EventLog, NoEvents, Output, RunEnd, RunProgress, RunReport,
+    self, AgencyLog, ClockOffsets, EventLog, NoEvents, Output, RunDirective, RunEnd, RunProgress, RunReport,
 };
 use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
@@ -25,30 +26,50 @@ use tracker::wire::Downlink;
 use super::input::{RunSources, Started};
 use super::interrupt;
 use super::run_arguments::{MethodName, RunArgs};
+use super::serve::{RoomService, room_outputs};
 use super::stations::{Drawing, StationBuilder};
 use super::view;
 
-/// Runs the subcommand.
-pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
-    let threads = match args.threads {
-        Some(0) => bail!("--threads 0: give at least 1"),
-        Some(threads) => threads,
-        None => std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
-    };
+/// Runs the subcommand, or the run of a room of a service.
+pub(super) fn run_as(
+    args: &RunArgs,
+    console: &Console,
+    service: Option<RoomService>,
+) -> anyhow::Result<String> {
+    // Invalid options are reported before anything is read.
+    check(args)?;
+    let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = args.threads.unwrap_or_else(cores);
     // The cameras share the threads; OpenCV's own loops stay on theirs.
     calib::vision::set_threads(1)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("--threads")?;
-    pool.install(|| follow(args, threads, console))
+    pool.install(|| follow(args, threads, console, service))
 }
 
-fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<String> {
-    let started = Instant::now();
-    // Invalid options are reported before anything is read.
+/// Runs the subcommand.
+pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
+    run_as(args, console, None)
+}
+
+/// Checks the options that can be checked before anything is read.
+pub(super) fn check(args: &RunArgs) -> anyhow::Result<()> {
+    if args.threads == Some(0) {
+        bail!("--threads 0: give at least 1");
+    }
     args.sampler.options(args.seed)?;
     args.check_detections()?;
     args.events.options().validate()?;
     args.heads.options(args.seed, args.sampler.published)?;
-    args.publish.check()?;
+    args.publish.check()
+}
+
+fn follow(
+    args: &RunArgs,
+    threads: usize,
+    console: &Console,
+    service: Option<RoomService>,
+) -> anyhow::Result<String> {
+    let started = Instant::now();
     // The port is bound before the slow reading of the room.
     let listener = args.view.listener()?;
     let room = Room::read(&args.room)?;
@@ -59,18 +80,30 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         working_width_px: args.mask_width,
     };
     let prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
-    let interrupted = interrupt::watch().context("the signals that end a run")?;
+    let interrupted = match &service {
+        Some(service) => Arc::clone(&service.is_ended),
+        None => interrupt::watch().context("the signals that end a run")?,
+    };
     let downlinked = matches!(given, RunSources::Stations(_));
     let mut input = given.connect(args, &room, &prepared, &interrupted)?;
+    // A service plays recordings at their own speed, as if they were cameras.
+    input.is_live |= service.is_some();
     let is_live = input.is_live;
     let mut method = args.method(&prepared, is_live)?;
+    let journal = service.as_ref().map(|service| service.journal(&args.out)).transpose()?;
+    if let Some(journal) = &journal {
+        method = Box::new(RaisedIds::new(method, journal.next_id()));
+    }
     if downlinked && method.needs().pictures {
         bail!("--method: looks at pictures, which do not leave stations; give --video, or --method mcmc");
     }
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
     let mut page = listener.map(|listener| view::serve(listener, &args.room, &prepared)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
-    let clock = args.events.clock(&args.video)?;
+    let clock = match &journal {
+        Some(journal) => Some(journal.clock()),
+        None => args.events.clock(&args.video)?,
+    };
     // The server of the metrics ends with the run.
     let (published, _server) = args.publish.start(&room, &args.room, &prepared, clock)?.into_outputs();
     let demand = picture_demand(args, screens);
@@ -86,14 +119,28 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let prepared_s = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared_s:.2} s");
     // All inputs have been checked, so outputs may be created now.
-    let mut outputs = outputs(args, &room, &prepared, clock)?;
-    if !args.no_film {
-        let audience = screens.map(Screens::audience);
-        outputs.push(Box::new(Film::start(&args.out, &prepared, input.rate_hz, &looks, audience.as_ref())?));
-    } else if let Some(screens) = screens {
-        outputs.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
+    let audience = screens.map(Screens::audience);
+    let film = |out: &Path| Film::start(out, &prepared, input.rate_hz, &looks, audience.as_ref());
+    let mut shown: Vec<Box<dyn Output>> = published;
+    if let Some(screens) = screens.filter(|_| args.no_film) {
+        shown.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
     }
-    outputs.extend(published);
+    let outputs = match (journal, service.as_ref()) {
+        (Some(journal), Some(service)) => {
+            service.watch(&args.room, &room, &options);
+            type StartFilm<'a> = Box<dyn Fn(&Path) -> tracker::Result<Film> + 'a>;
+            let film = (!args.no_film).then(|| Box::new(film) as StartFilm<'_>);
+            vec![room_outputs(args, &room, &prepared, journal, film, shown)]
+        }
+        _ => {
+            let mut outputs = outputs(args, &room, &prepared, clock)?;
+            if !args.no_film {
+                outputs.push(Box::new(film(&args.out)?));
+            }
+            outputs.extend(shown);
+            outputs
+        }
+    };
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
     let alignments = input.alignments;
     let clocks = match prepared.cameras.len() {
@@ -103,13 +150,17 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
             Some(ClockOffsets::new(&prepared, alignments.clone(), is_live, applies)?)
         }
     };
-    let options = GatheringOptions { alignments, latency_s: args.latency };
-    let gathering = Gathering::new(ports, station_events, &options)?;
+    let gathering_options = GatheringOptions { alignments, latency_s: args.latency };
+    let gathering = Gathering::new(ports, station_events, &gathering_options)?;
     let report = run::run(gathering, method.as_mut(), outputs, clocks, threads, |step| {
         if step == RunProgress::Moment {
             progress.advance();
         }
-        if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        match service.as_ref().and_then(RoomService::changed_room) {
+            _ if interrupted.load(Ordering::Relaxed) => RunDirective::Stop,
+            Some(changed) => RunDirective::Replace(changed),
+            None => RunDirective::GoOn,
+        }
     })?;
     drop(progress);
     if let Some(garbage) = downlink.as_ref().map(Downlink::garbage).filter(|count| *count > 0) {

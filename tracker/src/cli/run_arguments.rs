@@ -134,6 +134,11 @@ impl RunArgs {
         NamedSources { videos: &self.video, masks: &self.masks, detections: &self.detections }
     }
 
+    /// Whether stations on other machines are to be gathered.
+    pub(super) fn gathers(&self) -> bool {
+        self.stations.is_some() || self.endpoints.gathers()
+    }
+
     /// Whether a detector's boxes are all that there is.
     fn has_boxes_alone(&self) -> bool {
         !self.detections.is_empty() && self.video.is_empty() && self.masks.is_empty()

@@ -87,6 +87,45 @@ impl Events {
         events
     }
 
+    /// Goes on in a changed room: nobody is lost. Stays in areas that the room still has, by their names, go on; those in
+    /// others end, and the events of that are returned.
+    pub fn replace_room(&mut self, room: &Room) -> Vec<Event> {
+        let (areas, lines) = (Area::of_room(room), room.lines.clone());
+        let (old_areas, old_lines) =
+            (std::mem::replace(&mut self.areas, areas), std::mem::replace(&mut self.lines, lines));
+        self.zones.clone_from(&room.zones);
+        let mut people = std::mem::take(&mut self.people);
+        let mut events = Vec::new();
+        for (id, visit) in &mut people {
+            let mut stays: BTreeMap<&str, Stay> = old_areas
+                .iter()
+                .map(|area| area.name.as_str())
+                .zip(std::mem::take(&mut visit.stays))
+                .collect();
+            let mut crossings: BTreeMap<&str, Crossings> = old_lines
+                .iter()
+                .map(|line| line.name.as_str())
+                .zip(std::mem::take(&mut visit.crossings))
+                .collect();
+            let taken = |area: &Area| stays.remove(area.name.as_str()).unwrap_or_else(Stay::new);
+            visit.stays = self.areas.iter().map(taken).collect();
+            let taken = |line: &Line| crossings.remove(line.name.as_str()).unwrap_or_default();
+            visit.crossings = self.lines.iter().map(taken).collect();
+            if visit.ending.is_some() {
+                continue;
+            }
+            for (name, stay) in stays {
+                let left = stay.end().into_iter().map(|decision| self.stay_event(*id, name, decision));
+                match &mut visit.withheld {
+                    Some(withheld) => withheld.extend(left),
+                    None => events.extend(left),
+                }
+            }
+        }
+        self.people = people;
+        events
+    }
+
     /// Takes a person of a line.
     fn see(&mut self, line: &FrameLine, person: &PersonLine) -> Vec<Event> {
         let fix = Fix {

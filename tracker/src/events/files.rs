@@ -7,10 +7,11 @@ use scenes::room::Room;
 
 use super::groups::{self, Groups};
 use super::heat::HeatMap;
+use super::open_visits::OpenVisits;
 use super::tally::CountRows;
-use super::{EventOptions, Events};
-use crate::tracks::LineFile;
+use super::{Event, EventOptions, Events};
 use crate::tracks::jsonl::{self, FrameLine};
+use crate::tracks::{LineFile, Persistence, last_line};
 use crate::{Error, Result};
 
 /// Names of the files.
@@ -18,6 +19,8 @@ pub(super) const EVENTS: &str = "events.jsonl";
 pub(super) const COUNTS: &str = "counts.csv";
 pub(super) const GROUPS: &str = "groups.csv";
 const HEAT: &str = "heat.csv";
+/// Interval at which heat map and groups of lasting files are written, seconds.
+const EXTRAS_EVERY_S: f64 = 60.0;
 pub(crate) const HEAT_PICTURE: &str = "heat.png";
 
 /// Options of the event files.
@@ -62,6 +65,11 @@ pub struct EventFiles {
     room: Room,
     room_dir: PathBuf,
     last_s: Option<f64>,
+    persistence: Persistence,
+    /// Rows of `groups.csv` of an earlier run in the same folder.
+    earlier_groups: String,
+    /// Time at which heat map and groups were written last, seconds.
+    extras_s: f64,
 }
 
 impl EventFiles {
@@ -75,32 +83,111 @@ impl EventFiles {
             events: Events::new(room, options.events.clone()),
             file: LineFile::new(out.join(EVENTS)),
             counts: CountRows::new(room, options.counts_every_s, options.events.settle_s()),
-            counts_file: LineFile::new(out.join(COUNTS)),
+            counts_file: LineFile::new(out.join(COUNTS)).with_header(CountRows::HEADER),
             heat: HeatMap::default(),
             groups: Groups::default(),
             out: out.to_owned(),
             room: room.clone(),
             room_dir: room_dir.to_owned(),
             last_s: None,
+            persistence: Persistence::default(),
+            earlier_groups: String::new(),
+            extras_s: f64::NEG_INFINITY,
         })
     }
 
-    /// Takes the next line of `tracks.jsonl`.
+    /// The same files, kept in this way. Where an interrupted run left people in the folder's events, they have
+    /// disappeared with its last line.
+    ///
+    /// # Errors
+    /// Earlier files that cannot be read, or events that cannot be written.
+    pub fn kept(mut self, persistence: &Persistence) -> Result<Self> {
+        self.file = self.file.kept(persistence);
+        self.counts_file = self.counts_file.kept(persistence);
+        self.persistence = persistence.clone();
+        if persistence.continues() {
+            self.resume()?;
+        }
+        Ok(self)
+    }
+
+    /// Goes on after the files that are in the folder.
+    fn resume(&mut self) -> Result<()> {
+        let read = |name: &str| {
+            let path = self.out.join(name);
+            if path.exists() {
+                calib::files::read_text(&path).map_err(Error::from)
+            } else {
+                Ok(String::new())
+            }
+        };
+        self.earlier_groups =
+            read(GROUPS)?.lines().skip(1).fold(String::new(), |rows, row| rows + row + "\n");
+        self.heat.add_csv(&read(HEAT)?);
+        let Some(open) = OpenVisits::read(&self.out.join(EVENTS))? else { return Ok(()) };
+        let last: Option<FrameLine> =
+            last_line(&self.out.join(jsonl::NAME))?.and_then(|line| serde_json::from_str(&line).ok());
+        let Some(last) = last.filter(|_| open.len() > 0) else { return Ok(()) };
+        tracing::info!("{} people who were there before the interruption have disappeared", open.len());
+        self.counts.begin_with(&open.begun());
+        let ended = open.ended(last.frame, last.time, last.clock.as_deref());
+        self.append(&ended)?;
+        self.counts.wait(&ended);
+        Ok(())
+    }
+
+    /// Completes the files, and goes on in another folder with the same people.
+    ///
+    /// # Errors
+    /// A file that cannot be written, or geometry that cannot be drawn.
+    pub fn move_to(&mut self, out: &Path) -> Result<()> {
+        if let Some(last_s) = self.last_s {
+            let rows = self.counts.finish(last_s, &[]);
+            self.counts_file.append(&rows)?;
+            self.counts.pause();
+        }
+        self.write_extras()?;
+        self.write_picture()?;
+        self.heat = HeatMap::default();
+        self.groups = Groups::default();
+        self.earlier_groups.clear();
+        out.clone_into(&mut self.out);
+        self.file.move_to(out.join(EVENTS));
+        self.counts_file.move_to(out.join(COUNTS));
+        Ok(())
+    }
+
+    /// Goes on with the zones, regions and lines of a changed room; nobody is lost. Returns the events of stays in areas
+    /// that the room no longer has.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn step(&mut self, line: &FrameLine) -> Result<()> {
+    pub fn replace_room(&mut self, room: &Room) -> Result<Vec<Event>> {
+        let events = self.events.replace_room(room);
+        self.append(&events)?;
+        self.counts.wait(&events);
+        self.counts.replace_room(room);
+        self.room = room.clone();
+        Ok(events)
+    }
+
+    /// Takes the next line of `tracks.jsonl`; returns the events that are decided now.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn step(&mut self, line: &FrameLine) -> Result<Vec<Event>> {
         let events = self.events.step(line);
         self.append(&events)?;
-        let header = if self.last_s.is_none() { CountRows::HEADER } else { "" };
         let rows = self.counts.step(line.time, &events);
-        if !header.is_empty() || !rows.is_empty() {
-            self.counts_file.append(&(header.to_owned() + &rows))?;
-        }
+        self.counts_file.append(&rows)?;
         self.heat.step(line);
         self.groups.step(line);
         self.last_s = Some(line.time);
-        Ok(())
+        if self.persistence.continues() && line.time - self.extras_s >= EXTRAS_EVERY_S {
+            self.extras_s = line.time;
+            self.write_extras()?;
+        }
+        Ok(events)
     }
 
     /// Completes the files.
@@ -110,18 +197,27 @@ impl EventFiles {
     pub fn finish(mut self) -> Result<()> {
         let events = self.events.finish();
         self.append(&events)?;
-        let rows = match self.last_s {
-            Some(last_s) => self.counts.finish(last_s, &events),
-            None => CountRows::HEADER.to_owned(),
-        };
+        let rows = self.last_s.map_or_else(String::new, |last_s| self.counts.finish(last_s, &events));
         self.counts_file.append(&rows)?;
+        self.write_extras()?;
+        self.write_picture()
+    }
+
+    /// Writes what is known of the heat map and the groups.
+    fn write_extras(&self) -> Result<()> {
         write_atomic(&self.out.join(HEAT), self.heat.csv().as_bytes())?;
-        write_atomic(&self.out.join(GROUPS), groups::csv(&self.groups.finish()).as_bytes())?;
+        let groups = groups::csv(&self.groups.clone().finish());
+        let (header, rows) = groups.split_once('\n').unwrap_or((&groups, ""));
+        let text = format!("{header}\n{}{rows}", self.earlier_groups);
+        Ok(write_atomic(&self.out.join(GROUPS), text.as_bytes())?)
+    }
+
+    fn write_picture(&self) -> Result<()> {
         let picture = self.heat.picture(&self.room, &self.room_dir)?;
         Ok(calib::picture::write(&self.out.join(HEAT_PICTURE), &picture)?)
     }
 
-    fn append(&mut self, events: &[super::Event]) -> Result<()> {
+    fn append(&mut self, events: &[Event]) -> Result<()> {
         let path = self.out.join(EVENTS);
         let lines = events.iter().map(|event| event.text(&path)).collect::<Result<String>>()?;
         self.file.append(&lines)
@@ -164,7 +260,7 @@ fn write_files(
 ) -> Result<()> {
     let mut files = EventFiles::new(folder, room, room_dir, options)?;
     for line in lines {
-        files.step(&line?)?;
+        let _ = files.step(&line?)?;
     }
     files.finish()
 }

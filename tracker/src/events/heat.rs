@@ -49,6 +49,20 @@ impl HeatMap {
         }
     }
 
+    /// Adds the seconds of a `heat.csv`; rows that are none are ignored.
+    pub(super) fn add_csv(&mut self, text: &str) {
+        for row in text.lines().skip(1) {
+            let mut numbers = row.split(',').map(str::parse::<f64>);
+            let (Some(Ok(x)), Some(Ok(y)), Some(Ok(seconds))) =
+                (numbers.next(), numbers.next(), numbers.next())
+            else {
+                continue;
+            };
+            let cell = ((x / CELL_M).floor() as i32, (y / CELL_M).floor() as i32);
+            *self.seconds.entry(cell).or_default() += seconds.max(0.0);
+        }
+    }
+
     /// `heat.csv`: the middle of each visited cell, metres, and the seconds, in rows from the south-west.
     pub(super) fn csv(&self) -> String {
         let mut text = String::from("x,y,seconds\n");

@@ -18,6 +18,7 @@ mod file_tests;
 mod files;
 mod groups;
 mod heat;
+mod open_visits;
 mod passing;
 pub mod stats;
 mod tally;
@@ -26,6 +27,7 @@ mod tests;
 mod words;
 
 pub use clock::Clock;
+pub(crate) use clock::{civil_from_days, days_from_civil};
 pub use detector::Events;
 pub use event::{CameraState, Direction, Event, EventKind};
 pub use files::{EventFileOptions, EventFiles, of_run};

@@ -49,6 +49,20 @@ impl Tally {
         Self { places }
     }
 
+    /// The same counts for the places of another room, by their names.
+    pub(crate) fn of_places(&self, room: &Room) -> Self {
+        let mut other = Self::new(room);
+        let (whole, places) = other.places.split_at_mut(1);
+        let known = |name: &str| self.places.iter().skip(1).find(|(own, _)| own == name);
+        for ((_, count), (_, own)) in whole.iter_mut().zip(&self.places) {
+            *count = *own;
+        }
+        for (name, count) in places {
+            *count = known(name).map_or_else(PlaceCount::default, |(_, own)| *own);
+        }
+        other
+    }
+
     /// Counts an event; one that is taken back is subtracted.
     pub fn add(&mut self, event: &Event) {
         let taken_back = event.taken_back();
@@ -127,6 +141,29 @@ impl CountRows {
             rows += &self.rows(last_s, |_| true);
         }
         rows
+    }
+
+    /// Counts events that happened before the first interval.
+    pub(super) fn begin_with(&mut self, events: &[Event]) {
+        for event in events {
+            self.now.add(event);
+        }
+        self.before = self.now.clone();
+    }
+
+    /// Takes events that are decided between two lines.
+    pub(super) fn wait(&mut self, events: &[Event]) {
+        self.waiting.extend_from_slice(events);
+    }
+
+    /// Ends the interval; the next line begins one.
+    pub(super) fn pause(&mut self) {
+        self.end_s = None;
+    }
+
+    /// Goes on with the places of a changed room.
+    pub(super) fn replace_room(&mut self, room: &Room) {
+        (self.before, self.now) = (self.before.of_places(room), self.now.of_places(room));
     }
 
     fn rows(&mut self, end_s: f64, is_due: impl Fn(&Event) -> bool) -> String {

@@ -7,10 +7,13 @@ pub mod agents;
 mod capacity;
 pub mod condensation;
 pub mod mcmc;
+mod raised_ids;
 
 use image::RgbImage;
 
 use self::agents::Packet;
+pub use self::raised_ids::RaisedIds;
+use crate::prepared_room::PreparedRoom;
 use crate::{Moment, PersonEstimate, Result};
 
 /// Observations that a method needs.
@@ -44,6 +47,12 @@ pub trait Method {
     /// Useful lag, seconds: the time after which [`Self::smoothed`] does not improve further.
     fn lag_s(&self) -> f64 {
         0.0
+    }
+
+    /// Goes on with the zones of a room whose cameras and geometry are the same; nobody is lost. Returns whether the method
+    /// can do that.
+    fn replace_zones(&mut self, _room: &PreparedRoom) -> bool {
+        false
     }
 
     /// Packets that the stations of a distributed method sent at the latest moment; empty for other methods.

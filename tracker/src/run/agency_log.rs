@@ -6,8 +6,11 @@ use super::{Output, ProcessedMoment};
 use crate::Result;
 use crate::method::agents::AgencyRecord;
 use crate::prepared_room::PreparedRoom;
-use crate::tracks::AgentsFile;
+use crate::tracks::{AgentsFile, Persistence};
 use crate::wire::packet;
+
+/// Folder of the log in that of the run.
+const FOLDER: &str = "agents";
 
 /// Log of the packets of all stations: a file that grows during the run, and figures at its end, in the folder
 /// `agents`.
@@ -25,7 +28,7 @@ pub struct AgencyLog {
 impl AgencyLog {
     /// Log of a run that writes to the folder `out`.
     pub fn new(out: &Path, room: &PreparedRoom) -> Self {
-        let folder = out.join("agents");
+        let folder = out.join(FOLDER);
         Self {
             file: AgentsFile::new(&folder),
             names: room.cameras.iter().map(|camera| camera.name.clone()).collect(),
@@ -34,6 +37,14 @@ impl AgencyLog {
             bytes: 0,
             span_s: None,
         }
+    }
+}
+
+impl AgencyLog {
+    /// The same log, whose file is kept in this way.
+    #[must_use]
+    pub fn kept(self, persistence: &Persistence) -> Self {
+        Self { file: self.file.kept(persistence), ..self }
     }
 }
 
@@ -48,6 +59,14 @@ impl Output for AgencyLog {
             // A packet that cannot be encoded would not be sent.
             self.bytes += packet::encode(packet, packet.time_s).map_or(0, |bytes| bytes.len());
         }
+        Ok(())
+    }
+
+    fn move_to(&mut self, out: &Path) -> Result<()> {
+        self.record.write(&self.folder, &self.names)?;
+        self.folder = out.join(FOLDER);
+        self.file.move_to(&self.folder);
+        (self.record, self.bytes, self.span_s) = (AgencyRecord::default(), 0, None);
         Ok(())
     }
 

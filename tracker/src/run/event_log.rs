@@ -1,11 +1,13 @@
 //! Events of a run, from the same lines as `tracks.jsonl`; or their absence.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use scenes::room::Room;
 
 use super::output::{Output, ProcessedMoment};
 use crate::Moment;
 use crate::Result;
-use crate::events::{self, Clock, EventFiles};
+use crate::events::{self, Clock, Event, EventFiles};
 use crate::prepared_room::PreparedRoom;
 use crate::tracks::jsonl::FrameLine;
 
@@ -14,12 +16,33 @@ pub struct EventLog {
     files: EventFiles,
     cameras: Vec<String>,
     clock: Option<Clock>,
+    listener: Option<EventListener>,
 }
+
+/// Callback that receives events after they have been written.
+pub type EventListener = Box<dyn FnMut(&[Event])>;
 
 impl EventLog {
     /// Writes these files, with the time of day if the clock is known.
     pub fn new(files: EventFiles, prepared: &PreparedRoom, clock: Option<Clock>) -> Self {
-        Self { files, cameras: prepared.cameras.iter().map(|c| c.name.clone()).collect(), clock }
+        Self {
+            files,
+            cameras: prepared.cameras.iter().map(|c| c.name.clone()).collect(),
+            clock,
+            listener: None,
+        }
+    }
+
+    /// The same log, which passes its events on.
+    #[must_use]
+    pub fn with_listener(self, listener: EventListener) -> Self {
+        Self { listener: Some(listener), ..self }
+    }
+
+    fn tell(&mut self, events: &[Event]) {
+        if let Some(listener) = self.listener.as_mut().filter(|_| !events.is_empty()) {
+            listener(events);
+        }
     }
 }
 
@@ -28,7 +51,19 @@ impl Output for EventLog {
         let Moment { frame, time_s, .. } = followed.moment;
         let (set_aside, clock) = (followed.set_aside(), self.clock.as_ref());
         let line = FrameLine::new(frame, time_s, followed.people, &self.cameras, &set_aside, clock);
-        self.files.step(&line)
+        let events = self.files.step(&line)?;
+        self.tell(&events);
+        Ok(())
+    }
+
+    fn move_to(&mut self, out: &Path) -> Result<()> {
+        self.files.move_to(out)
+    }
+
+    fn replace_room(&mut self, room: &Room) -> Result<()> {
+        let events = self.files.replace_room(room)?;
+        self.tell(&events);
+        Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

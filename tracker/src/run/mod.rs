@@ -9,21 +9,22 @@ mod output;
 mod search_offsets;
 
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 pub use agency_log::AgencyLog;
 use camera_log::CameraLog;
 pub use clock_offsets::{ClockOffsets, ClockReport};
-pub use event_log::{EventLog, NoEvents};
+pub use event_log::{EventListener, EventLog, NoEvents};
 use lag_buffer::{HeldMoment, LagBuffer};
 pub use output::{Output, ProcessedMoment};
+use scenes::room::Room;
 pub use search_offsets::search_offsets;
 
 use crate::foreground::Verdict;
 use crate::gathering::{Gathered, Gathering, LeftOut, MomentPart, NextMoment};
 use crate::method::Method;
 use crate::observation::Observation;
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::Body;
 use crate::station::{ObservedFrame, Pictures};
 use crate::tracks::{Stopwatch, Timings};
@@ -74,7 +75,7 @@ impl RunReport {
 }
 
 /// Tracks everybody through all gathered moments; the cameras are those of the method's room, in its order. `advance`
-/// is called after each moment, and while there is none, and decides whether to go on. `clocks` estimates the offsets
+/// is called after each moment, and while there is none, and decides how to go on. `clocks` estimates the offsets
 /// of the cameras' clocks, and may correct them.
 ///
 /// A run that fails later finishes its outputs; they hold the moments before the failure.
@@ -87,7 +88,7 @@ pub fn run(
     mut outputs: Vec<Box<dyn Output + '_>>,
     clocks: Option<ClockOffsets>,
     threads: usize,
-    mut advance: impl FnMut(RunProgress) -> ControlFlow<()>,
+    mut advance: impl FnMut(RunProgress) -> RunDirective,
 ) -> Result<RunReport> {
     let started = Instant::now();
     let mut pipeline = Pipeline {
@@ -112,8 +113,20 @@ pub fn run(
             Err(error) => Err(error),
         };
         match step {
-            Ok(progress) if advance(progress).is_break() => break Ok(RunEnd::Stopped),
-            Ok(_) => {}
+            Ok(progress) => match advance(progress) {
+                RunDirective::GoOn => {}
+                RunDirective::Stop => break Ok(RunEnd::Stopped),
+                RunDirective::Replace(changed) => {
+                    if !method.replace_zones(&changed.prepared) {
+                        break Ok(RunEnd::Stopped);
+                    }
+                    let replaced =
+                        outputs.iter_mut().try_for_each(|output| output.replace_room(&changed.room));
+                    if let Err(error) = replaced {
+                        break Err(error);
+                    }
+                }
+            },
             Err(error) => break Err(error),
         }
     };
@@ -157,6 +170,26 @@ pub enum RunProgress {
     Moment,
     /// No moment was ready.
     Idle,
+}
+
+/// Decision of the caller of a run after a step.
+#[derive(Debug)]
+pub enum RunDirective {
+    /// Go on.
+    GoOn,
+    /// End here.
+    Stop,
+    /// Go on with changed zones, regions and lines, without losing people. A run whose method cannot do that ends.
+    Replace(Box<ChangedRoom>),
+}
+
+/// A room whose zones, regions and lines were changed; cameras and geometry are those of before.
+#[derive(Debug)]
+pub struct ChangedRoom {
+    /// The room as it was read.
+    pub room: Room,
+    /// The same room, prepared.
+    pub prepared: PreparedRoom,
 }
 
 struct Pipeline {

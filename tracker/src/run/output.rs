@@ -1,8 +1,10 @@
 //! Outputs of a run that grow with the estimates: files, films, a plan, a page.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use image::RgbImage;
+use scenes::room::Room;
 
 use crate::film::{Film, Shot};
 use crate::foreground::Verdict;
@@ -25,7 +27,7 @@ pub struct ProcessedMoment<'a> {
     pub people: &'a [PersonEstimate],
     /// Health of each camera.
     pub verdicts: &'a [Verdict],
-    pub(super) pictures: &'a [Pictures],
+    pub(crate) pictures: &'a [Pictures],
     /// Packets that the stations of a distributed method exchanged at the latest moment.
     pub packets: &'a [Packet],
     /// Capture time, seconds since 1970, where the cameras are live.
@@ -66,6 +68,24 @@ pub trait Output {
     /// An output that cannot be written.
     fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()>;
 
+    /// Goes on in another folder, with the same people; what is in the old one is completed. Outputs without files stay
+    /// as they are.
+    ///
+    /// # Errors
+    /// An output that cannot be written.
+    fn move_to(&mut self, _out: &Path) -> Result<()> {
+        Ok(())
+    }
+
+    /// Goes on with the zones, regions and lines of a changed room; cameras and geometry are the same. Outputs that do not
+    /// depend on them stay as they are.
+    ///
+    /// # Errors
+    /// An output that cannot be written.
+    fn replace_room(&mut self, _room: &Room) -> Result<()> {
+        Ok(())
+    }
+
     /// Completes the output at the end of the run.
     ///
     /// # Errors
@@ -77,6 +97,11 @@ impl Output for TrackFiles {
     fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.write(frame, time_s, followed.people, &followed.set_aside())
+    }
+
+    fn move_to(&mut self, out: &Path) -> Result<()> {
+        TrackFiles::move_to(self, out);
+        Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
@@ -122,6 +147,10 @@ impl Output for MqttOutput {
     fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.publish(frame, time_s, followed.people, &followed.set_aside())
+    }
+
+    fn replace_room(&mut self, room: &Room) -> Result<()> {
+        MqttOutput::replace_room(self, room)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

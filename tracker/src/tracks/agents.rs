@@ -4,10 +4,14 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::Persistence;
 use super::jsonl::rounded;
 use super::line_file::LineFile;
 use crate::method::agents::{Packet, Report, TargetId};
 use crate::{Error, Result};
+
+/// Name of the file.
+const NAME: &str = "agents.jsonl";
 
 /// Writer of the file, which grows packet by packet.
 #[derive(Debug)]
@@ -16,7 +20,18 @@ pub struct AgentsFile(LineFile);
 impl AgentsFile {
     /// File in the folder `out`; it is created with its first line.
     pub fn new(out: &Path) -> Self {
-        Self(LineFile::new(out.join("agents.jsonl")))
+        Self(LineFile::new(out.join(NAME)))
+    }
+
+    /// The same file, kept in this way.
+    #[must_use]
+    pub fn kept(self, persistence: &Persistence) -> Self {
+        Self(self.0.kept(persistence))
+    }
+
+    /// Goes on in another folder.
+    pub fn move_to(&mut self, out: &Path) {
+        self.0.move_to(out.join(NAME));
     }
 
     /// Appends a packet of the station of a camera:

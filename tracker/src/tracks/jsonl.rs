@@ -12,6 +12,8 @@ use crate::events::{CameraState, Clock};
 use crate::foreground::Verdict;
 use crate::{Error, PersonEstimate, Result, TrackId};
 
+/// Name of the file.
+pub(crate) const NAME: &str = "tracks.jsonl";
 /// Longest line that is read, bytes: a file without line breaks must not exhaust memory.
 const LONGEST_LINE: u64 = 64 << 20;
 

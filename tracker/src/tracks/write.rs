@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use super::Persistence;
 use super::jsonl::{FrameLine, rounded};
 use super::line_file::LineFile;
 use crate::events::Clock;
@@ -14,8 +15,8 @@ use crate::{Error, PersonEstimate, Result};
 /// Writers of `tracks.txt`, `tracks.jsonl` and `boxes/NAME.txt` of a run.
 ///
 /// Every frame's lines are passed to the operating system at once, under the files' final names, so a reader during the
-/// run or after a crash of the program sees whole lines. Nothing is synchronised to the disk: after a power failure the
-/// last lines may be missing or torn. No file is created before the first frame.
+/// run or after a crash of the program sees whole lines. Unless they are [`Persistence::lasting`], nothing is synchronised
+/// to the disk: after a power failure the last lines may be missing or torn. No file is created before the first frame.
 #[derive(Debug)]
 pub struct TrackFiles {
     floor: LineFile,
@@ -42,6 +43,22 @@ impl TrackFiles {
     #[must_use]
     pub fn with_clock(self, clock: Option<Clock>) -> Self {
         Self { clock, ..self }
+    }
+
+    /// The same files, kept in this way.
+    #[must_use]
+    pub fn kept(self, persistence: &Persistence) -> Self {
+        let boxes = self.boxes.into_iter().map(|(camera, file)| (camera, file.kept(persistence))).collect();
+        Self { floor: self.floor.kept(persistence), json: self.json.kept(persistence), boxes, ..self }
+    }
+
+    /// Goes on in another folder.
+    pub fn move_to(&mut self, out: &Path) {
+        self.floor.move_to(out.join("tracks.txt"));
+        self.json.move_to(out.join("tracks.jsonl"));
+        for ((_, file), name) in self.boxes.iter_mut().zip(&self.names) {
+            file.move_to(out.join("boxes").join(format!("{name}.txt")));
+        }
     }
 
     /// Appends one frame. `set_aside` are the indices of the cameras without usable pictures, in the room's order, with

@@ -114,22 +114,11 @@ impl Mcmc {
     pub fn new(stage: PreparedRoom, options: McmcOptions) -> Result<Self> {
         options.validate()?;
         let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
-        let average =
-            Body { x_m: 0.0, y_m: 0.0, radius_m: options.radius.mean_m, height_m: options.height.mean_m };
-        let bounds = stage.floor.bounds();
+        let average = options.average_body();
         let coarse =
             stage.cameras.iter().map(|c| View::coarse(c, resolution::block(c, &average, &stage.floor)));
         let layers = Layers::new(coarse.collect(), options.likelihood.shapes());
-        let anywhere = BirthMap::new(&layers, &average, bounds, |x, y| {
-            stage.floor.is_standable(x, y) && is_seen(&stage, x, y, average.height_m)
-        });
-        let zones = if stage.zones.is_empty() {
-            anywhere.clone()
-        } else {
-            BirthMap::new(&layers, &average, bounds, |x, y| {
-                stage.floor.is_standable(x, y) && stage.floor.may_appear(x, y)
-            })
-        };
+        let (anywhere, zones) = birth_maps(&stage, &layers, &average);
         Ok(Self {
             typical_px: anywhere.typical_px(&layers),
             left_over: LeftOver::default(),
@@ -287,10 +276,40 @@ impl Method for Mcmc {
         self.options.lag_s
     }
 
+    fn replace_zones(&mut self, room: &PreparedRoom) -> bool {
+        self.stage.floor = room.floor.clone();
+        self.stage.zones.clone_from(&room.zones);
+        let (anywhere, zones) = birth_maps(&self.stage, &self.layers, &self.options.average_body());
+        self.typical_px = anywhere.typical_px(&self.layers);
+        for map in [&mut self.company, &mut self.rescued, &mut self.expected] {
+            map.clone_from(&anywhere);
+        }
+        (self.anywhere, self.zones) = (anywhere, zones);
+        // Its cells are those of the old maps.
+        self.rescue = Rescue::default();
+        true
+    }
+
     fn smoothed(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
         let people = self.smoother.take(frame)?;
         Some(self.inside_room(people))
     }
+}
+
+/// Cells of the floor in which people may be born: anywhere, and in the zones.
+fn birth_maps(stage: &PreparedRoom, layers: &Layers, average: &Body) -> (BirthMap, BirthMap) {
+    let bounds = stage.floor.bounds();
+    let anywhere = BirthMap::new(layers, average, bounds, |x, y| {
+        stage.floor.is_standable(x, y) && is_seen(stage, x, y, average.height_m)
+    });
+    let zones = if stage.zones.is_empty() {
+        anywhere.clone()
+    } else {
+        BirthMap::new(layers, average, bounds, |x, y| {
+            stage.floor.is_standable(x, y) && stage.floor.may_appear(x, y)
+        })
+    };
+    (anywhere, zones)
 }
 
 /// Whether the feet, middle or head of a person standing here are in some camera's image.

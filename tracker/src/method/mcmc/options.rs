@@ -231,6 +231,11 @@ impl Default for McmcOptions {
 }
 
 impl McmcOptions {
+    /// A person of average size, at the origin.
+    pub(super) fn average_body(&self) -> Body {
+        Body { x_m: 0.0, y_m: 0.0, radius_m: self.radius.mean_m, height_m: self.height.mean_m }
+    }
+
     /// Options for a detector's boxes alone.
     ///
     /// Boxes show a person's middle, whose velocity is steadier than that of a silhouette, and they need no distance

@@ -156,6 +156,20 @@ impl MqttOutput {
         Ok(())
     }
 
+    /// Goes on with the zones, regions and lines of a changed room.
+    ///
+    /// # Errors
+    /// A number that cannot be written.
+    pub fn replace_room(&mut self, room: &Room) -> Result<()> {
+        let events = self.events.replace_room(room);
+        self.publish_events(&events)?;
+        self.tally = self.tally.of_places(room);
+        if self.options.discovery {
+            self.announce(room);
+        }
+        self.publish_counts(events.last().map_or(0.0, |last| last.time))
+    }
+
     /// Publishes what is decided by the end of the run, and disconnects once the broker has acknowledged it.
     ///
     /// # Errors

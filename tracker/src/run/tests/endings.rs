@@ -42,7 +42,7 @@ fn outputs_are_finished_however_a_run_ends() {
             threads,
             |step| {
                 moments += u32::from(step == RunProgress::Moment);
-                if moments == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                if moments == last { RunDirective::Stop } else { RunDirective::GoOn }
             },
         );
         (

@@ -114,8 +114,8 @@ impl Output for Notes<'_> {
     }
 }
 
-fn go_on(_: RunProgress) -> ControlFlow<()> {
-    ControlFlow::Continue(())
+fn go_on(_: RunProgress) -> RunDirective {
+    RunDirective::GoOn
 }
 
 fn ended_by(report: &RunReport) -> &str {
