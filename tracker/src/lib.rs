@@ -63,6 +63,7 @@ pub mod source;
 pub mod station;
 pub mod tracks;
 pub mod view;
+mod white_noise_acceleration;
 pub mod wire;
 
 pub use error::{Error, Result};

@@ -1,8 +1,7 @@
 //! Motion model: likelihood that one detection, or a tracklet, continues in another.
 //!
-//! Along each axis a person's position and velocity are estimated by a Kalman filter with white-noise acceleration (Y.
-//! Bar-Shalom, X. R. Li and T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001,
-//! section 6.2). With m, P the state at the end of one tracklet, predicted to the beginning of the other, and n, Q the
+//! Along each axis a person's position and velocity are estimated by the filter of
+//! [`white_noise_acceleration`](crate::white_noise_acceleration). With m, P the state at the end of one tracklet, predicted to the beginning of the other, and n, Q the
 //! state that the other's own detections give at its beginning, a link costs
 //!
 //! ```text
@@ -17,9 +16,12 @@
 //! Lengths are in heights of the person and times in frames; the constants are in heights and seconds, so that neither
 //! the size of the picture nor its rate changes them.
 
+use nalgebra::{Matrix1, Point1, Vector1};
+
 use super::build::Affinity;
 use super::detection::{Detection, Detections, colour_distance};
 use crate::identity::appearance::Histogram;
+use crate::white_noise_acceleration::State;
 
 /// Standard deviation of a detection's position, heights.
 const JITTER: f64 = 0.045;
@@ -75,50 +77,7 @@ pub struct TrackletEnd {
 }
 
 /// Position and velocity (per frame, in time's direction) along an axis, and their covariance, in heights.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct AxisState {
-    place: f64,
-    velocity: f64,
-    place_variance: f64,
-    covariance: f64,
-    velocity_variance: f64,
-}
-
-impl AxisState {
-    fn at(place: f64, place_variance: f64, velocity_variance: f64) -> Self {
-        Self { place, velocity: 0.0, place_variance, covariance: 0.0, velocity_variance }
-    }
-
-    /// Prediction over some frames.
-    fn after(&self, frames: f64, turn_variance: f64) -> Self {
-        let (pp, pv, vv) = (self.place_variance, self.covariance, self.velocity_variance);
-        Self {
-            place: self.place + self.velocity * frames,
-            velocity: self.velocity,
-            place_variance: pp + frames * (2.0 * pv + frames * (vv + turn_variance * frames / 3.0)),
-            covariance: pv + frames * (vv + 0.5 * turn_variance * frames),
-            velocity_variance: vv + turn_variance * frames,
-        }
-    }
-
-    /// Update with a detection.
-    fn corrected(&self, place: f64, place_variance: f64) -> Self {
-        let all = self.place_variance + place_variance;
-        let (gain, velocity_gain) = (self.place_variance / all, self.covariance / all);
-        Self {
-            place: self.place + gain * (place - self.place),
-            velocity: self.velocity + velocity_gain * (place - self.place),
-            place_variance: self.place_variance * (1.0 - gain),
-            covariance: self.covariance * (1.0 - gain),
-            velocity_variance: self.velocity_variance - velocity_gain * self.covariance,
-        }
-    }
-
-    /// The same state in reversed time.
-    fn reversed(&self) -> Self {
-        Self { velocity: -self.velocity, covariance: -self.covariance, ..*self }
-    }
-}
+type AxisState = State<1>;
 
 impl MotionModel {
     /// Model of links between detections.
@@ -178,8 +137,9 @@ impl MotionModel {
         for detection in found {
             let frames = f64::from(detection.frame.abs_diff(end.frame));
             for axis in 0..2 {
-                let expected = end.axes[axis].after(frames, self.turn_variance[axis]);
-                end.axes[axis] = expected.corrected(detection.place[axis], self.place_variance);
+                let state = &mut end.axes[axis];
+                state.predict(frames, self.turn_variance[axis]);
+                state.update(&Point1::new(detection.place[axis]), &Matrix1::new(self.place_variance));
             }
             end.frame = detection.frame;
             count += 1.0;
@@ -193,7 +153,7 @@ impl MotionModel {
     }
 
     fn single(&self, detection: &Detection, velocity_variance: [f64; 2]) -> TrackletEnd {
-        let axis = |i: usize| AxisState::at(detection.place[i], self.place_variance, velocity_variance[i]);
+        let axis = |i: usize| still(detection.place[i], self.place_variance, velocity_variance[i]);
         TrackletEnd {
             frame: detection.frame,
             axes: [axis(0), axis(1)],
@@ -219,20 +179,21 @@ impl MotionModel {
         let mut unlikely = deviation2 + (size_variance / surest_size).ln();
         for axis in 0..2 {
             let velocity_variance = self.velocity_variance[axis];
-            let (expected, seen) = (from.axes[axis].after(gap, self.turn_variance[axis]), &to.axes[axis]);
-            let pp = expected.place_variance + seen.place_variance;
-            let pv = expected.covariance + seen.covariance;
-            let vv = expected.velocity_variance + seen.velocity_variance;
+            let (mut expected, seen) = (from.axes[axis], &to.axes[axis]);
+            expected.predict(gap, self.turn_variance[axis]);
+            let pp = (expected.position_covariance + seen.position_covariance).x;
+            let pv = (expected.cross_covariance + seen.cross_covariance).x;
+            let vv = (expected.velocity_covariance + seen.velocity_covariance).x;
             let determinant = pp * vv - pv * pv;
-            let place = (seen.place - expected.place) / height;
-            let velocity = (seen.velocity - expected.velocity) / height;
+            let place = (seen.position - expected.position).x / height;
+            let velocity = (seen.velocity - expected.velocity).x / height;
             let off =
                 (vv * place * place - 2.0 * pv * place * velocity + pp * velocity * velocity) / determinant;
-            let alone = velocity_variance + seen.velocity_variance;
+            let alone = velocity_variance + seen.velocity_covariance.x;
             let surest = 2.0 * self.place_variance + velocity_variance;
             deviation2 += off;
             unlikely +=
-                off - (seen.velocity / height).powi(2) / alone + (determinant / (alone * surest)).ln();
+                off - (seen.velocity.x / height).powi(2) / alone + (determinant / (alone * surest)).ln();
         }
         if deviation2 > self.gate * self.gate {
             return None;
@@ -241,6 +202,12 @@ impl MotionModel {
         unlikely += colour_distance.map_or(0.0, |d| 2.0 * d * d / COLOUR_CHANGE);
         Some(0.5 * WEIGHT * unlikely.max(0.0) + self.miss_cost * (gap - 1.0))
     }
+}
+
+/// State of a person at this position whose velocity is unknown.
+fn still(position: f64, position_variance: f64, velocity_variance: f64) -> AxisState {
+    let position_covariance = Matrix1::new(position_variance);
+    State::new(Point1::new(position), Vector1::zeros(), position_covariance, velocity_variance)
 }
 
 impl Affinity for MotionModel {
@@ -252,8 +219,9 @@ impl Affinity for MotionModel {
 
     fn reach(&self, from: &Detection, gap: u32) -> f64 {
         let frames = f64::from(gap);
-        let still = AxisState::at(0.0, 2.0 * self.place_variance, self.velocity_variance[0]);
-        let variance = still.after(frames, self.turn_variance[0]).place_variance;
+        let mut next = still(0.0, 2.0 * self.place_variance, self.velocity_variance[0]);
+        next.predict(frames, self.turn_variance[0]);
+        let variance = next.position_covariance.x;
         // The other box may be higher, as far as the gate permits.
         let size_variance = 2.0 * self.size_variance + self.size_growth * frames;
         self.gate * variance.sqrt() * from.scale() * (0.5 * self.gate * size_variance.sqrt()).exp()

@@ -23,7 +23,9 @@ impl Association {
             for (column, person) in people.iter().enumerate() {
                 // The largest eigenvalue is at most the trace, so this cheap test rejects most pairs.
                 let away = (measurement.position - person.motion.position).norm_squared();
-                if away > options.gate * (spread + person.motion.place.trace()) || person.spare_s.is_some() {
+                if away > options.gate * (spread + person.motion.position_covariance.trace())
+                    || person.spare_s.is_some()
+                {
                     continue;
                 }
                 if let Some(cost) = cost(measurement, person, options) {

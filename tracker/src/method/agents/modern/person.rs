@@ -85,7 +85,7 @@ impl Person {
             identity: Identity { target, learnt: MeanLook::none() },
             prior: [0.0; MOST_PEOPLE],
             may_be: 0,
-            motion: Motion::new(measurement.position, measurement.velocity, measurement.covariance),
+            motion: Motion::first(measurement.position, measurement.velocity, measurement.covariance),
             height_m: measurement.height_m,
             evidence: MeanLook::none(),
             measured_with: 0,
@@ -111,7 +111,7 @@ impl Person {
     /// Predicts the person `dt` seconds ahead. `acceleration` is its standard deviation, m/s²; `kept` is the factor of
     /// the weight of evidence.
     pub(super) fn predict(&mut self, dt: f64, acceleration: f64, kept: f64) {
-        self.motion.predict(dt, acceleration);
+        self.motion.walk(dt, acceleration);
         if self.missed_s > 0.3 {
             self.motion.slow_down(dt);
         }
@@ -127,7 +127,7 @@ impl Person {
 
     /// Restarts the body from an unassociated measurement.
     pub(super) fn move_to(&mut self, measurement: &Measurement) {
-        self.motion = Motion::new(measurement.position, measurement.velocity, measurement.covariance);
+        self.motion = Motion::first(measurement.position, measurement.velocity, measurement.covariance);
         self.evidence = MeanLook::none();
         self.missed_s = 0.0;
         self.overdue_s = 0.0;
@@ -180,6 +180,6 @@ impl Person {
 
     /// Covariance of the place, m².
     pub(super) fn covariance(&self) -> Matrix2<f64> {
-        self.motion.place
+        self.motion.position_covariance
     }
 }
