@@ -6,6 +6,7 @@ use super::boxes::BoxMeasurement;
 use super::evidence::{Evidence, worst_filled};
 use super::options::Spread;
 use super::person::Key;
+use super::posture::Size;
 use super::reassociation::reassociate;
 use super::rescue::is_person_shown;
 use super::tally::{Sums, Tally};
@@ -68,7 +69,8 @@ impl Mcmc {
         let of_track = |track: &Track| {
             let place = tally.of(track.key).map_or(track.motion.silhouette_place(), Sums::place);
             let (x_m, y_m) = tally.most_probable(track.key).map_or((place.x, place.y), |b| (b.x_m, b.y_m));
-            (Body { x_m, y_m, ..track.body() }, track.radius, track.height)
+            let Size { radius, height } = *track.postures.size();
+            (Body { x_m, y_m, ..track.body() }, radius, height)
         };
         let of_new = |sums: &&Sums| {
             let place = sums.place();

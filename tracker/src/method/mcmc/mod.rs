@@ -34,6 +34,7 @@ mod options;
 mod outage;
 mod passage;
 mod person;
+mod posture;
 mod reassociation;
 mod report;
 mod rescue;
