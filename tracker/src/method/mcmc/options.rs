@@ -171,6 +171,9 @@ pub struct McmcOptions {
     /// Rate at which a person whom no camera sees leaves the room unseen, 1/s (published: 0). It is low because
     /// hidden people usually come out again.
     pub unseen_leaves_per_s: f64,
+    /// Rate at which a person who stands still sits down, 1/s (published: 0, people stand). Where it is 0, newcomers
+    /// are adults, too.
+    pub sits_down_per_s: f64,
     /// Fraction of ADD's proposals drawn where unexplained foreground is; the rest is uniform over the zones
     /// (published: 0).
     pub informed_births: f64,
@@ -221,6 +224,7 @@ impl Default for McmcOptions {
             birth_evidence: 0.2,
             deaths_per_s: 0.5,
             unseen_leaves_per_s: 1.0 / 600.0,
+            sits_down_per_s: 1.0 / 30.0,
             informed_births: 0.8,
             settling_s: 0.5,
             believed_at_nats: 8.0,
@@ -254,6 +258,7 @@ impl McmcOptions {
                 ..MotionOptions::default()
             },
             boxes: BoxOptions { alone: true, ..BoxOptions::default() },
+            sits_down_per_s: 0.0,
             lag_s: 3.0,
             max_people: Self::MOST_BY_BOXES,
             ..Self::default()
@@ -282,6 +287,7 @@ impl McmcOptions {
             companions_per_s: 0.0,
             rescues_per_s: 0.0,
             unseen_leaves_per_s: 0.0,
+            sits_down_per_s: 0.0,
             settling_s: 0.0,
             lag_s: 0.0,
             motion: MotionOptions {
@@ -334,6 +340,7 @@ impl McmcOptions {
             ("companions_per_s", self.companions_per_s),
             ("rescues_per_s", self.rescues_per_s),
             ("unseen_leaves_per_s", self.unseen_leaves_per_s),
+            ("sits_down_per_s", self.sits_down_per_s),
         ] {
             if !(rate >= 0.0 && rate.is_finite()) {
                 return Err(Error::option(name, "has to be a number, 0 or more"));

@@ -6,6 +6,7 @@ use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
 use super::options::Spread;
+use super::posture::SizePrior;
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::{Body, Silhouette};
 
@@ -43,8 +44,7 @@ impl Person {
 #[derive(Debug, Clone)]
 pub(super) struct Known {
     pub(super) place: Place,
-    pub(super) radius: Spread,
-    pub(super) height: Spread,
+    pub(super) size: SizePrior,
     /// Log odds of existence before this moment's observations.
     pub(super) log_odds: f64,
     /// Place by a detector's boxes, which UPDATE-P proposes from; no part of the prior.
@@ -54,9 +54,7 @@ pub(super) struct Known {
 impl Known {
     /// Log density of a body under this prior.
     pub(super) fn log_density(&self, body: &Body) -> f64 {
-        self.place.log_density(body.x_m, body.y_m)
-            + self.radius.log_density(body.radius_m)
-            + self.height.log_density(body.height_m)
+        self.place.log_density(body.x_m, body.y_m) + self.size.log_density(body)
     }
 }
 

@@ -5,6 +5,7 @@ use super::appearance::{self, Appearance, Opening};
 use super::births::BirthMap;
 use super::chain::{Chain, Setting};
 use super::person::Person;
+use super::posture::SizePrior;
 use super::tally::Tally;
 use crate::likelihood::Counts;
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
@@ -143,6 +144,7 @@ impl Mcmc {
             options: &self.options,
             rule: self.rule,
             appearance,
+            newcomers: SizePrior::of_newcomers(&self.options),
             unexplained,
             typical_px: &self.typical_px,
             repulsion_per_m: self.options.repulsion_per_m,

@@ -6,6 +6,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::person::{Key, Person};
+use super::posture::PostureShares;
 use crate::silhouette::Body;
 
 /// Sums over the kept states.
@@ -28,6 +29,8 @@ pub(super) struct Sums {
     square: Matrix2<f64>,
     radius: f64,
     height: f64,
+    /// Postures of a person known before this moment.
+    pub(super) postures: PostureShares,
 }
 
 impl Tally {
@@ -49,6 +52,9 @@ impl Tally {
             sums.square += d * d.transpose();
             sums.radius += body.radius_m;
             sums.height += body.height_m;
+            if let Some(known) = &person.known {
+                sums.postures.add(&known.size, body);
+            }
         }
     }
 
@@ -91,6 +97,7 @@ impl Sums {
             square: Matrix2::zeros(),
             radius: 0.0,
             height: 0.0,
+            postures: PostureShares::default(),
         }
     }
 

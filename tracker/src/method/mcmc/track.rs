@@ -10,21 +10,10 @@ use super::options::{McmcOptions, Spread};
 use super::outage::OUTAGE_S;
 use super::passage::Passage;
 use super::person::{Key, Known, Place};
+use super::posture::{Postures, Size};
 use super::tally::Sums;
 use crate::TrackId;
 use crate::silhouette::Body;
-
-/// Standard deviations of the radius and the height measured from one fully visible silhouette, metres: gait and
-/// errors of the mask are correlated from moment to moment.
-const RADIUS_SEEN_SIGMA_M: f64 = 0.10;
-const HEIGHT_SEEN_SIGMA_M: f64 = 0.20;
-/// Random walk of a person's radius and height, metres of standard deviation after one second.
-const RADIUS_DRIFT_M: f64 = 0.005;
-const HEIGHT_DRIFT_M: f64 = 0.005;
-/// Standard deviations of a single moment's radius and height around the person's size, metres: strides, swinging
-/// arms, a bent back.
-const RADIUS_POSE_SIGMA_M: f64 = 0.025;
-const HEIGHT_POSE_SIGMA_M: f64 = 0.02;
 
 /// Bound of the absolute log odds of existence, nats.
 const MAX_LOG_ODDS: f64 = 12.0;
@@ -85,8 +74,7 @@ pub(super) struct Track {
     /// Identity, assigned when the track is confirmed.
     pub(super) id: Option<TrackId>,
     pub(super) motion: Motion,
-    pub(super) radius: Spread,
-    pub(super) height: Spread,
+    pub(super) postures: Postures,
     /// Log odds of existence by the cameras' evidence.
     pub(super) log_odds: f64,
     /// Time for which the evidence has spoken against the track, seconds.
@@ -116,12 +104,11 @@ impl Track {
     /// New track of a person born in this moment.
     pub(super) fn born(sums: &Sums, found: BirthPhase, options: &McmcOptions) -> Self {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
-        let mut track = Self {
+        Self {
             key: sums.key,
             id: None,
             motion: Motion::appeared(sums.place(), &(sums.covariance() + gait), &options.motion),
-            radius: options.radius,
-            height: options.height,
+            postures: Postures::of_newcomer([sums.radius_m(), sums.height_m()], options),
             log_odds: 0.0,
             contradicted_s: 0.0,
             is_doubted: false,
@@ -134,9 +121,7 @@ impl Track {
             upright_s: None,
             height_seen: None,
             learnt_height: LearntHeight::default(),
-        };
-        track.resize(sums, 1.0);
-        track
+        }
     }
 
     /// Predicts motion and size `dt_s` seconds ahead.
@@ -144,12 +129,7 @@ impl Track {
         let in_sight = self.in_sight && dt_s < OUTAGE_S;
         self.height_seen = None;
         self.motion.predict(dt_s, in_sight, &options.motion);
-        let drifted = |s: &Spread, drift: f64, most: f64| Spread {
-            sigma_m: (s.sigma_m.powi(2) + drift.powi(2) * dt_s).sqrt().min(most),
-            ..*s
-        };
-        self.radius = drifted(&self.radius, RADIUS_DRIFT_M, options.radius.sigma_m);
-        self.height = drifted(&self.height, HEIGHT_DRIFT_M, options.height.sigma_m);
+        self.postures.predict(dt_s, self.motion.belief.velocity().norm(), options);
     }
 
     /// Records whether any camera sees the person, by the largest visible fraction.
@@ -166,7 +146,7 @@ impl Track {
             return;
         }
         self.motion.condition(&sums.place(), &sums.covariance(), &options.motion);
-        self.resize(sums, visible);
+        self.postures.update(&sums.postures, visible);
     }
 
     /// Updates motion and size by the measurement of a detector's boxes.
@@ -183,18 +163,9 @@ impl Track {
     }
 
     fn take_size(&mut self, shown: &BoxMeasurement) {
-        (self.radius, self.height) = (shown.radius, shown.height);
+        *self.postures.stature_mut() = Size { radius: shown.radius, height: shown.height };
         self.height_seen = shown.height_seen;
         shown.height_seen.iter().for_each(|seen| self.learnt_height.add(seen));
-    }
-
-    fn resize(&mut self, sums: &Sums, visible: f64) {
-        let seen = |s: &Spread, seen_m: f64, sigma_m: f64| {
-            let gain = visible * s.sigma_m.powi(2) / (s.sigma_m.powi(2) + sigma_m.powi(2));
-            Spread { mean_m: s.mean_m + gain * (seen_m - s.mean_m), sigma_m: s.sigma_m * (1.0 - gain).sqrt() }
-        };
-        self.radius = seen(&self.radius, sums.radius_m(), RADIUS_SEEN_SIGMA_M);
-        self.height = seen(&self.height, sums.height_m(), HEIGHT_SEEN_SIGMA_M);
     }
 
     /// Multiplies the probability of existence by the probability of not having left unseen.
@@ -257,11 +228,10 @@ impl Track {
         self.id.is_none() || self.is_doubted || self.contradicted_s > CONTRADICTED_FOR_S
     }
 
-    /// Exchanges with another track what belongs to the person rather than to the place: id, radius and height.
+    /// Exchanges with another track what belongs to the person rather than to the place: id and standing size.
     pub(super) fn exchange_names(&mut self, other: &mut Self) {
         std::mem::swap(&mut self.id, &mut other.id);
-        std::mem::swap(&mut self.radius, &mut other.radius);
-        std::mem::swap(&mut self.height, &mut other.height);
+        std::mem::swap(self.postures.stature_mut(), other.postures.stature_mut());
         std::mem::swap(&mut self.learnt_height, &mut other.learnt_height);
     }
 
@@ -283,8 +253,7 @@ impl Track {
                 &self.motion.silhouette_covariance(),
                 self.deviation_m(),
             ),
-            radius: posed(&self.radius, RADIUS_POSE_SIGMA_M),
-            height: posed(&self.height, HEIGHT_POSE_SIGMA_M),
+            size: self.postures.prior(),
             log_odds: self.log_odds,
             fit: None,
         }
@@ -297,12 +266,7 @@ impl Track {
 
     /// Most probable body at the place of its silhouette.
     pub(super) fn body(&self) -> Body {
-        let place = self.motion.silhouette_place();
-        Body { x_m: place.x, y_m: place.y, radius_m: self.radius.mean_m, height_m: self.height.mean_m }
+        let (place, size) = (self.motion.silhouette_place(), self.postures.size());
+        Body { x_m: place.x, y_m: place.y, radius_m: size.radius.mean_m, height_m: size.height.mean_m }
     }
-}
-
-/// Distribution of the size in a single moment: the size's own, widened by posture.
-fn posed(size: &Spread, pose_sigma_m: f64) -> Spread {
-    Spread { sigma_m: size.sigma_m.hypot(pose_sigma_m), ..*size }
 }

@@ -6,6 +6,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::super::options::Spread;
 use super::super::person::{Gaussian, Known};
+use super::super::posture::Size;
 use super::Boxes;
 use super::in_camera::InCamera;
 use super::least_squares::{Prior, body, fit};
@@ -50,14 +51,10 @@ impl Boxes {
         let of_one = |(person, (present, known)): (usize, (Body, Option<&Known>))| {
             let known = known?;
             let (place, covariance) = (known.place.mean(), known.place.covariance());
+            let Size { radius, height } = known.size.main();
             let prior = Prior {
-                mean: Vector4::new(place.x, place.y, known.radius.mean_m, known.height.mean_m),
-                precision: Vector4::new(
-                    0.0,
-                    0.0,
-                    known.radius.sigma_m.powi(-2),
-                    known.height.sigma_m.powi(-2),
-                ),
+                mean: Vector4::new(place.x, place.y, radius.mean_m, height.mean_m),
+                precision: Vector4::new(0.0, 0.0, radius.sigma_m.powi(-2), height.sigma_m.powi(-2)),
                 place_precision: covariance.try_inverse()?,
             };
             let free = |camera: usize, b: usize| {

@@ -20,12 +20,8 @@ impl Chain<'_> {
             return;
         }
         let place = self.setting.appearance.sample(rng);
-        let body = Body {
-            x_m: place.x,
-            y_m: place.y,
-            radius_m: options.radius.sample(rng),
-            height_m: options.height.sample(rng),
-        };
+        let [radius_m, height_m] = self.setting.newcomers.sample(rng);
+        let body = Body { x_m: place.x, y_m: place.y, radius_m, height_m };
         let appears = self.setting.appearance.log_density(body.x_m, body.y_m);
         let floor = self.setting.floor;
         if appears <= LOG_IMPOSSIBLE || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
@@ -56,12 +52,8 @@ impl Chain<'_> {
         let person = &self.gone[which];
         let Some(known) = &person.known else { return };
         let place = known.place.sample(rng);
-        let body = Body {
-            x_m: place.x,
-            y_m: place.y,
-            radius_m: known.radius.sample(rng),
-            height_m: known.height.sample(rng),
-        };
+        let [radius_m, height_m] = known.size.sample(rng);
+        let body = Body { x_m: place.x, y_m: place.y, radius_m, height_m };
         let floor = self.setting.floor;
         let log_odds = known.log_odds;
         // ADD can only revert what DELETE could have done.

@@ -5,7 +5,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::super::options::Acceptance;
 use super::super::person::{Known, Person};
-use super::{Chain, accepted, log_size};
+use super::{Chain, accepted};
 use crate::silhouette::Body;
 
 /// Probability that a step also proposes to exchange the identity of a person born in this moment.
@@ -68,12 +68,12 @@ impl Chain<'_> {
         }
         let known = self.people.iter().filter(|p| !p.is_new()).count();
         let new = self.people.len() - known;
-        let (options, appearance) = (self.setting.options, &self.setting.appearance);
+        let (newcomers, appearance) = (&self.setting.newcomers, &self.setting.appearance);
         // Log ratio of a body's prior density as this known person and as a birth.
         let advantage = |known: &Known, body: &Body| {
             known.log_odds + known.log_density(body)
                 - appearance.log_density(body.x_m, body.y_m)
-                - log_size(&options.radius, &options.height, body)
+                - newcomers.log_density(body)
         };
         if rng.random::<bool>() {
             if new == 0 || self.gone.is_empty() {

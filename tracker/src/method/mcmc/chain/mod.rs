@@ -3,8 +3,8 @@
 //! The target density is `V(S) · R(S) · E(S)` times, under reversible jump, the prior:
 //!
 //! ```text
-//! people known from the last moment:  P(still there) · N(place; prediction) · N(r) · N(h)    or, deleted, P(gone)
-//! people born now:                    births · dt / region area         · N(r) · N(h)
+//! people known from the last moment:  P(still there) · N(place; prediction) · p(r, h)    or, deleted, P(gone)
+//! people born now:                    births · dt / region area         · p(r, h)
 //! ```
 //!
 //! and 0 where a person born in this moment overlaps anybody.
@@ -31,8 +31,9 @@ use rand_pcg::Pcg64Mcg;
 use super::appearance::Appearance;
 use super::births::BirthMap;
 use super::boxes::Boxes;
-use super::options::{Acceptance, McmcOptions, Spread};
+use super::options::{Acceptance, McmcOptions};
 use super::person::{Key, Person};
+use super::posture::SizePrior;
 use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
 use crate::likelihood::{Counts, Layers, PreparedLikelihood, Simulation};
 use crate::prepared_room::Floor;
@@ -54,6 +55,8 @@ pub(super) struct Setting<'a> {
     pub(super) rule: PreparedLikelihood,
     /// Birth model.
     pub(super) appearance: Appearance<'a>,
+    /// Prior of the size of people born in this moment.
+    pub(super) newcomers: SizePrior,
     /// Birth map weighted by the foreground that the predicted people leave unexplained; `None` when that is too
     /// little for a person.
     pub(super) unexplained: Option<&'a BirthMap>,
@@ -186,12 +189,10 @@ impl<'a> Chain<'a> {
         let mut log = if floor.is_standable(body.x_m, body.y_m) { 0.0 } else { LOG_IMPOSSIBLE };
         if self.setting.options.acceptance == Acceptance::ReversibleJump {
             log += match &person.known {
-                Some(known) => {
-                    known.place.log_density(body.x_m, body.y_m) + log_size(&known.radius, &known.height, body)
-                }
+                Some(known) => known.log_density(body),
                 None => {
                     self.setting.appearance.log_density(body.x_m, body.y_m)
-                        + log_size(&self.setting.options.radius, &self.setting.options.height, body)
+                        + self.setting.newcomers.log_density(body)
                 }
             };
         }
@@ -298,10 +299,6 @@ impl<'a> Chain<'a> {
         let used = counts.enumerate().filter_map(|(i, c)| Some((layers.shape(i), c?, typical_px[i])));
         rule.log_likelihood(used)
     }
-}
-
-pub(super) fn log_size(radius: &Spread, height: &Spread, body: &Body) -> f64 {
-    radius.log_density(body.radius_m) + height.log_density(body.height_m)
 }
 
 fn is_a_size(body: &Body) -> bool {

@@ -4,7 +4,9 @@
 use super::super::appearance::{COMPANY_M, Opening};
 use super::super::boxes::Hotspots;
 use super::super::left_over::LeftOver;
+use super::super::options::Spread;
 use super::super::person::{Gaussian, Known, Place};
+use super::super::posture::Size;
 use super::super::tests::{empty_room, masks, standing};
 use super::*;
 use crate::likelihood::{LikelihoodRule, pack};
@@ -82,6 +84,7 @@ fn proposals_are_abandoned_early_only_if_they_would_be_rejected() {
             options: &options,
             rule: likelihood.prepared(),
             appearance: on_all_the_floor(&stage, &births, &options, 0.0, &hotspots),
+            newcomers: SizePrior::of_newcomers(&options),
             unexplained: None,
             typical_px: &births.typical_px(&layers),
             repulsion_weight: 1.0,
@@ -163,16 +166,14 @@ fn drawn_by_rejection(
     let (low, high) = stage.floor.bounds();
     let born = Poisson::new(most_per_m2 * (high.x - low.x) * (high.y - low.y)).unwrap();
     let there = 1.0 / (1.0 + (-known.log_odds).exp());
+    let newcomers = SizePrior::of_newcomers(options);
     let mut drawn = Vec::new();
     while drawn.len() < 300_000 {
         let mut people: Vec<(Body, bool)> = Vec::new();
         for _ in 0..born.sample(rng) as u32 {
-            let body = Body {
-                x_m: rng.random_range(low.x..high.x),
-                y_m: rng.random_range(low.y..high.y),
-                radius_m: options.radius.sample(rng),
-                height_m: options.height.sample(rng),
-            };
+            let (x_m, y_m) = (rng.random_range(low.x..high.x), rng.random_range(low.y..high.y));
+            let [radius_m, height_m] = newcomers.sample(rng);
+            let body = Body { x_m, y_m, radius_m, height_m };
             let is_born = rng.random::<f64>() * most_per_m2 < expected_per_m2(body.x_m, body.y_m);
             if is_born && stage.floor.is_standable(body.x_m, body.y_m) {
                 people.push((body, true));
@@ -180,7 +181,7 @@ fn drawn_by_rejection(
         }
         if rng.random::<f64>() < there {
             let at = known.place.sample(rng);
-            let (radius_m, height_m) = (known.radius.sample(rng), known.height.sample(rng));
+            let [radius_m, height_m] = known.size.sample(rng);
             people.push((Body { x_m: at.x, y_m: at.y, radius_m, height_m }, false));
         }
         let apart = (0..people.len()).all(|i| {
@@ -263,10 +264,13 @@ fn assert_states_sample_the_prior(
 
     let log_odds = 0.4_f64;
     let place = Place::new(Vector2::new(3.0, 2.0), &(Matrix2::identity() * 0.04), 0.35);
+    let mode = |radius_m: f64, height_m: f64| Size {
+        radius: Spread { mean_m: radius_m, sigma_m: 0.03 },
+        height: Spread { mean_m: height_m, sigma_m: 0.05 },
+    };
     let known = Known {
         place: place.clone(),
-        radius: Spread { mean_m: 0.3, sigma_m: 0.03 },
-        height: Spread { mean_m: 1.6, sigma_m: 0.05 },
+        size: SizePrior::new([0.6, 0.3, 0.1], [mode(0.3, 1.6), mode(0.35, 1.25), mode(0.32, 1.0)]),
         log_odds,
         fit: elsewhere_per_m2.map(|_| Gaussian::new(Vector2::new(3.1, 2.1), &(Matrix2::identity() * 0.02))),
     };
@@ -299,6 +303,7 @@ fn assert_states_sample_the_prior(
             log_elsewhere: elsewhere_per_m2.map_or(LOG_IMPOSSIBLE, f64::ln),
             hotspots: &hotspots,
         },
+        newcomers: SizePrior::of_newcomers(&options),
         unexplained: Some(&everywhere),
         typical_px: &everywhere.typical_px(&layers),
         repulsion_weight: 1.0,

@@ -14,6 +14,8 @@ use crate::silhouette::Body;
 /// Fraction of the jumps to unexplained foreground that are drawn by its weight; the rest is uniform, so that every
 /// jump has a reverse.
 const TO_LEFT_OVER: f64 = 0.9;
+/// Fraction of the changes of a known person's size that propose another posture.
+const OTHER_POSTURE: f64 = 0.15;
 /// Standard deviation of a step along a line of sight, metres: the direction that one camera alone determines worst.
 const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
 
@@ -71,10 +73,22 @@ impl Chain<'_> {
         self.update(which, body, log_proposal_ratio, rng);
     }
 
-    /// UPDATE-S: proposes a normal step in radius and height.
+    /// UPDATE-S: proposes a normal step in radius and height; under reversible jump, for a person known from the last
+    /// moment, sometimes the size of another posture.
     pub(super) fn update_size(&mut self, rng: &mut Pcg64Mcg) {
         let which = rng.random_range(0..self.people.len());
         let mut body = self.people[which].body;
+        let reversible = self.setting.options.acceptance == Acceptance::ReversibleJump;
+        let known = self.people[which].known.as_ref().filter(|known| reversible && known.size.has_choice());
+        if let Some(Known { size, .. }) = known
+            && rng.random::<f64>() < OTHER_POSTURE
+        {
+            let back = size.log_density_of_any_mode(&body);
+            [body.radius_m, body.height_m] = size.sample_any_mode(rng);
+            let log_proposal_ratio = back - size.log_density_of_any_mode(&body);
+            self.update(which, body, log_proposal_ratio, rng);
+            return;
+        }
         let (dr, dh): (f64, f64) = (rng.sample(StandardNormal), rng.sample(StandardNormal));
         body.radius_m += self.setting.options.radius_step_m * dr;
         body.height_m += self.setting.options.height_step_m * dh;
