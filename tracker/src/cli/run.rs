@@ -68,7 +68,8 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         bail!("--method: looks at pictures, which do not leave stations; give --video, or --method mcmc");
     }
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
-    let mut page = listener.map(|listener| view::serve(listener, &args.room, &prepared)).transpose()?;
+    let mut page =
+        listener.map(|listener| view::serve(listener, &room, &args.room, &prepared)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
     let clock = args.events.clock(&args.video)?;
     // The server of the metrics ends with the run.
@@ -92,6 +93,9 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         outputs.push(Box::new(Film::start(&args.out, &prepared, input.rate_hz, &looks, audience.as_ref())?));
     } else if let Some(screens) = screens {
         outputs.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
+    }
+    if let Some(feed) = page.as_ref().and_then(|page| page.feed(&room, clock)) {
+        outputs.push(Box::new(feed));
     }
     outputs.extend(published);
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));

@@ -18,6 +18,7 @@ use crate::prepared_room::{PreparationOptions, PreparedRoom};
 
 /// Option of the port, which errors name.
 const PORT_OPTION: &str = "view_port";
+const LOOPBACK: &str = "127.0.0.1";
 
 /// A frame of one grey, which encodes its number.
 fn painted(camera: usize, frame: u32) -> Painted {
@@ -27,7 +28,14 @@ fn painted(camera: usize, frame: u32) -> Painted {
 
 fn server(names: &[&str]) -> Server {
     let screens = Screens::new("my <room>".into(), names.iter().copied());
-    Server::start(Server::bind(Some(0), PORT_OPTION).unwrap(), screens).unwrap()
+    let listener = Server::bind(LOOPBACK, Some(0), PORT_OPTION).unwrap();
+    Server::start(
+        listener,
+        screens,
+        RoomPage::default(),
+        names.iter().map(|name| (*name).to_owned()).collect(),
+    )
+    .unwrap()
 }
 
 /// Head and body of the answer to a request that is sent byte by byte as given.
@@ -201,11 +209,13 @@ fn requests_that_are_not_the_pages_are_refused() {
 #[test]
 fn a_port_in_use_is_named_and_the_usual_one_replaced() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
-    let error = Server::bind(Some(taken.local_addr().unwrap().port()), PORT_OPTION).unwrap_err().to_string();
+    let error = Server::bind(LOOPBACK, Some(taken.local_addr().unwrap().port()), PORT_OPTION)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("in use") && error.contains("view_port 0"), "{error}");
     // Either this test uses the port or another program does.
     let _usual = TcpListener::bind("127.0.0.1:8081");
-    let other = Server::bind(None, PORT_OPTION).unwrap().address();
+    let other = Server::bind(LOOPBACK, None, PORT_OPTION).unwrap().address();
     assert!(other.ip().is_loopback() && other.port() != 8081, "{other}");
 }
 
