@@ -14,6 +14,8 @@
 
 mod drawer;
 mod feed;
+#[cfg(test)]
+mod page_tests;
 mod room_page;
 mod screens;
 mod server;

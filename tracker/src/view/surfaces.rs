@@ -22,7 +22,22 @@ pub(super) fn encode(geometry: &Geometry, eye: Vec3) -> Vec<u8> {
         Geometry::Mesh(mesh) => sampled(mesh, eye),
         Geometry::Discs(discs) => discs.clone(),
     };
-    bytes(&merged(discs))
+    bytes(&brightened(merged(discs)))
+}
+
+/// Discs of which one in ten is nearly white: rooms are often dark in their films.
+fn brightened(mut discs: Vec<Disc>) -> Vec<Disc> {
+    const BRIGHT: f32 = 225.0;
+    const MOST_GAIN: f32 = 4.0;
+    let mut levels: Vec<u8> = discs.iter().map(|disc| disc.color.into_iter().max().unwrap_or(0)).collect();
+    levels.sort_unstable();
+    let level = levels.get(levels.len() * 9 / 10).copied().unwrap_or(0);
+    let gain = (BRIGHT / f32::from(level.max(1))).clamp(1.0, MOST_GAIN);
+    for disc in &mut discs {
+        // The conversion saturates.
+        disc.color = disc.color.map(|c| (f32::from(c) * gain).round() as u8);
+    }
+    discs
 }
 
 /// Discs over the triangles of a mesh.
@@ -40,7 +55,7 @@ fn sampled(mesh: &Mesh, eye: Vec3) -> Vec<Disc> {
         };
         let longest = (b - a).length().max((c - b).length()).max((a - c).length());
         let steps = (longest / spacing).ceil().clamp(1.0, 2000.0) as usize;
-        let radius = 0.6 * longest / steps as f32;
+        let radius = 0.8 * longest / steps as f32;
         for i in 0..steps {
             for k in 0..steps - i {
                 // Middles of the cells of a barycentric grid.
@@ -79,7 +94,7 @@ fn merged(mut discs: Vec<Disc>) -> Vec<Disc> {
         let whole = |(sum, colors, count): (Disc, Vec3, f32)| Disc {
             center: sum.center / count,
             normal: sum.normal.normalize_or(Vec3::Z),
-            radius: sum.radius.max(0.62 * cell_m),
+            radius: sum.radius.max(0.9 * cell_m),
             color: (colors / count).to_array().map(|c| c.round() as u8),
             ..sum
         };
@@ -164,7 +179,7 @@ mod tests {
                 center: Vec3::new(i as f32, -2.0 * i as f32, 0.5),
                 normal: *normal,
                 radius: 0.02,
-                color: [10, 200, i as u8],
+                color: [10, 240, i as u8],
                 filled: false,
                 confidence: 1.0,
             })

@@ -88,7 +88,12 @@ export class Plan {
     for (const { points } of room.lines) shapes.push(...this.#tripwire(points, px));
     shapes.push(...room.cameras.flatMap((camera) => this.#camera(camera, px)));
     this.names = new Map();
-    const name = (text, kind, [x, y]) => {
+    const width = Number(this.svg.getAttribute("viewBox").split(" ")[2]);
+    const height = Number(this.svg.getAttribute("viewBox").split(" ")[3]);
+    // A whole name in any case, also beside the plan's edge.
+    const name = (text, kind, [u, y]) => {
+      const rim = Math.min(4 * text.length * px + 4 * px, width / 2);
+      const x = Math.min(Math.max(u, rim), width - rim);
       const label = shape("text", { class: kind, x, y, "font-size": 13 * px, "stroke-width": 3.5 * px }, text);
       this.names.set(`${kind} ${text}`, label);
       shapes.push(label);
@@ -102,9 +107,7 @@ export class Plan {
     }
     for (const camera of room.cameras) {
       const [x, y] = this.#at(camera.center);
-      const [width, height] = this.svg.getAttribute("viewBox").split(" ").slice(2).map(Number);
-      const rim = Math.min(4 * camera.name.length * px + 4 * px, width / 2);
-      name(camera.name, "camera", [Math.min(Math.max(x, rim), width - rim), y + (y + 20 * px > height ? -16 : 16) * px]);
+      name(camera.name, "camera", [x, y + (y + 20 * px > height ? -16 : 16) * px]);
     }
     this.marks.replaceChildren(...shapes);
     this.#drawPeople();

@@ -49,7 +49,9 @@ export class Recent extends EventTarget {
       if (taken) taken.isRevoked = true;
       return;
     }
-    this.events.unshift(event);
+    // An event is dated back to when it happened.
+    const place = this.events.findIndex((e) => e.time <= event.time);
+    this.events.splice(place < 0 ? this.events.length : place, 0, event);
     this.events.splice(MOST_EVENTS);
   }
 
