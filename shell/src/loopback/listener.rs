@@ -2,6 +2,8 @@
 
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
+use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::Request;
@@ -9,9 +11,12 @@ use axum::http::header::{ALLOW, HOST};
 use axum::http::{HeaderMap, Uri};
 use axum::middleware::{Next, from_fn, map_response};
 use axum::response::{IntoResponse, Response};
+use rustls::ServerConfig;
 
 use super::Answer;
+use super::access::{self, AccessToken};
 use super::answer::with_common_headers;
+use super::tls_listener::TlsListener;
 
 /// Error of an address at which no page can be served.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +33,8 @@ pub struct ListenError {
 pub struct Listener {
     listener: TcpListener,
     address: SocketAddr,
+    token: Option<AccessToken>,
+    tls: Option<Arc<ServerConfig>>,
 }
 
 impl Listener {
@@ -63,7 +70,33 @@ impl Listener {
     pub fn of(listener: TcpListener) -> io::Result<Self> {
         // The runtime requires a non-blocking socket.
         listener.set_nonblocking(true)?;
-        Ok(Self { address: listener.local_addr()?, listener })
+        Ok(Self { address: listener.local_addr()?, listener, token: None, tls: None })
+    }
+
+    /// Listener that answers only requests that know a token: from a link at first, from a cookie afterwards.
+    #[must_use]
+    pub fn with_token(self, token: AccessToken) -> Self {
+        Self { token: Some(token), ..self }
+    }
+
+    /// Listener that speaks TLS with a certificate chain and its private key, both in PEM form.
+    ///
+    /// # Errors
+    /// [`ListenError`] with the file and the mend.
+    pub fn with_tls(self, certificate: &Path, key: &Path) -> Result<Self, ListenError> {
+        Ok(Self { tls: Some(access::tls(certificate, key)?), ..self })
+    }
+
+    /// Whether requests need a token.
+    pub fn has_token(&self) -> bool {
+        self.token.is_some()
+    }
+
+    /// Address of the page, with the token if there is one, for a person to open.
+    pub fn link(&self) -> String {
+        let scheme = if self.tls.is_some() { "https" } else { "http" };
+        let origin = format!("{scheme}://{}", self.address);
+        self.token.as_ref().map_or_else(|| format!("{origin}/"), |token| token.link(&origin))
     }
 
     /// Address of the socket.
@@ -77,22 +110,36 @@ impl Listener {
     /// # Errors
     /// An I/O error when the system closes the socket.
     pub async fn serve(self, routes: Router) -> io::Result<()> {
-        let is_local = self.address.ip().is_loopback();
+        let Self { listener, address, token, tls } = self;
+        let is_local = address.ip().is_loopback();
+        let is_tls = tls.is_some();
         let not_found =
             |uri: Uri| async move { Answer::error(404, &format!("there is no {} here", uri.path())) };
         let router = Router::new()
             // The layers are around the whole router, since it names a path's methods outside of its own layers.
             .fallback_service(routes.fallback(not_found))
             .layer(from_fn(explain_other_method))
-            .layer(from_fn(move |request: Request, next: Next| async move {
-                if !is_local || names_loopback(request.headers()) {
-                    next.run(request).await
-                } else {
-                    Answer::error(403, "this server answers to localhost and 127.0.0.1 alone").into_response()
+            .layer(from_fn(move |request: Request, next: Next| {
+                let token = token.clone();
+                async move {
+                    if is_local && !names_loopback(request.headers()) {
+                        let line = "this server answers to localhost and 127.0.0.1 alone";
+                        Answer::error(403, line).into_response()
+                    } else if !access::is_of_own_page(request.headers()) {
+                        Answer::error(403, "this server answers to its own pages alone").into_response()
+                    } else if let Some(token) = token {
+                        access::require_token(&token, address.port(), is_tls, request, next).await
+                    } else {
+                        next.run(request).await
+                    }
                 }
             }))
             .layer(map_response(with_common_headers));
-        axum::serve(tokio::net::TcpListener::from_std(self.listener)?, router).await
+        let listener = tokio::net::TcpListener::from_std(listener)?;
+        match tls {
+            Some(config) => axum::serve(TlsListener::new(listener, config)?, router).await,
+            None => axum::serve(listener, router).await,
+        }
     }
 }
 

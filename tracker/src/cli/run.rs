@@ -98,7 +98,8 @@ fn follow(
         bail!("--method: looks at pictures, which do not leave stations; give --video, or --method mcmc");
     }
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
-    let mut page = listener.map(|listener| view::serve(listener, &args.room, &prepared)).transpose()?;
+    let mut page =
+        listener.map(|listener| view::serve(listener, &room, &args.room, &prepared)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
     let clock = match &journal {
         Some(journal) => Some(journal.clock()),
@@ -124,6 +125,9 @@ fn follow(
     let mut shown: Vec<Box<dyn Output>> = published;
     if let Some(screens) = screens.filter(|_| args.no_film) {
         shown.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
+    }
+    if let Some(feed) = page.as_ref().and_then(|page| page.feed(&room, clock)) {
+        shown.push(Box::new(feed));
     }
     let outputs = match (journal, service.as_ref()) {
         (Some(journal), Some(service)) => {

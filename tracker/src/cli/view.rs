@@ -1,35 +1,85 @@
 //! `tracker run --view`: the page that shows a run live.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use anyhow::{Context, bail};
 use clap::Args;
-use shell::loopback::Listener;
+use scenes::room::Room;
+use shell::loopback::{AccessToken, Listener};
 use tracker::prepared_room::PreparedRoom;
-use tracker::view::{Screens, Server};
+use tracker::view::{RoomPage, Screens, Server};
 
 /// Options of the page.
 #[derive(Debug, Args)]
 pub(super) struct ViewArguments {
-    /// Show the run live on a page in the browser, with the pictures of the films; its address is logged, and only this
-    /// machine can open it. Works with --no-film as well. The tracks are the same.
+    /// Show the run live on a page in the browser: plan and room in 3-D with the people, events, counts, and the pictures
+    /// of the films; its address is logged, and only this machine can open it. Works with --no-film as well. The tracks
+    /// are the same.
     #[arg(long)]
     view: bool,
     /// Port of that page; 0 uses any free one [default: 8081, or a free one where that is in use]
     #[arg(long, value_name = "PORT", requires = "view")]
     view_port: Option<u16>,
+    /// Address of this machine on which that page is served to others, such as 0.0.0.0. Beyond the loopback it needs a
+    /// token: the link that is logged carries it, and the browser keeps it as a cookie.
+    #[arg(long, value_name = "ADDRESS", requires = "view", default_value = "127.0.0.1")]
+    view_host: String,
+    /// File whose first line is that token; without it each run has a new random one
+    #[arg(long, value_name = "FILE", requires = "view")]
+    view_token_file: Option<PathBuf>,
+    /// Certificate chain (PEM) with which that page is served over HTTPS
+    #[arg(long, value_name = "FILE", requires = "view_key")]
+    view_cert: Option<PathBuf>,
+    /// Private key (PEM) of --view-cert
+    #[arg(long, value_name = "FILE", requires = "view_cert")]
+    view_key: Option<PathBuf>,
 }
 
 impl ViewArguments {
     /// Listener of the page, if it was requested.
     pub(super) fn listener(&self) -> anyhow::Result<Option<Listener>> {
-        Ok(if self.view { Some(Server::bind(self.view_port, "--view-port")?) } else { None })
+        if !self.view {
+            return Ok(None);
+        }
+        let mut listener = Server::bind(&self.view_host, self.view_port, "--view-port")?;
+        if let Some(token) = self.token(!listener.address().ip().is_loopback())? {
+            listener = listener.with_token(token);
+        }
+        if let (Some(certificate), Some(key)) = (&self.view_cert, &self.view_key) {
+            listener = listener.with_tls(certificate, key)?;
+        }
+        Ok(Some(listener))
+    }
+
+    /// The token of the file, or a random one where one is needed.
+    fn token(&self, is_needed: bool) -> anyhow::Result<Option<AccessToken>> {
+        match &self.view_token_file {
+            Some(file) => {
+                let text = calib::files::read_text(file)?;
+                let first = text.lines().next().unwrap_or_default().trim();
+                match AccessToken::chosen(first) {
+                    Ok(token) => Ok(Some(token)),
+                    Err(problem) => bail!("{}: line 1: {problem}", file.display()),
+                }
+            }
+            None if is_needed => Ok(Some(AccessToken::random().context("--view-host: a random token")?)),
+            None => Ok(None),
+        }
     }
 }
 
-/// Serves a screen for each camera of the room, and logs the address.
-pub(super) fn serve(listener: Listener, room: &Path, prepared: &PreparedRoom) -> anyhow::Result<Server> {
-    let names = prepared.cameras.iter().map(|camera| camera.name.as_str());
-    let server = Server::start(listener, Screens::new(room.display().to_string(), names))?;
-    tracing::info!("watch the run at http://{}/", server.address());
+/// Serves the page of a run in this room, and logs its address.
+pub(super) fn serve(
+    listener: Listener,
+    room: &Room,
+    room_dir: &Path,
+    prepared: &PreparedRoom,
+) -> anyhow::Result<Server> {
+    let names: Vec<String> = prepared.cameras.iter().map(|camera| camera.name.clone()).collect();
+    let title = room_dir.display().to_string();
+    let page = RoomPage::new(room, room_dir, &title, &names)?;
+    let screens = Screens::new(title, names.iter().map(String::as_str));
+    let server = Server::start(listener, screens, page, names)?;
+    tracing::info!("watch the run at {}", server.link());
     Ok(server)
 }

@@ -15,7 +15,7 @@ use crate::publish::metrics::RunMetrics;
 use crate::publish::mqtt::MqttOutput;
 use crate::station::Pictures;
 use crate::tracks::TrackFiles;
-use crate::view::LiveDrawer;
+use crate::view::{FeedInput, LiveDrawer, LiveFeed};
 use crate::{CameraFrame, Moment, PersonEstimate, Result};
 
 /// One moment with its estimates.
@@ -135,6 +135,22 @@ impl Output for LiveDrawer {
     fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.offer(frame, time_s, followed.people, || followed.shots());
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl Output for LiveFeed {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
+        let ProcessedMoment { moment, people, verdicts, utc_s, left_out, .. } = *followed;
+        let left_out = left_out.passed_over + left_out.late + left_out.skipped;
+        LiveFeed::put(
+            self,
+            FeedInput { frame: moment.frame, time_s: moment.time_s, people, verdicts, utc_s, left_out },
+        );
         Ok(())
     }
 

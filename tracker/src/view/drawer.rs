@@ -72,6 +72,7 @@ fn draw(
     screens: &Screens,
     is_free: &AtomicBool,
 ) {
+    super::yield_to_tracker();
     let mut painters: Vec<Painter> = Vec::new();
     for DrawJob { frame, time_s, shots, people } in scenes {
         if painters.is_empty() {

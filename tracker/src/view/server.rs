@@ -1,4 +1,4 @@
-//! HTTP server of the page, for this machine alone, on a thread of its own.
+//! HTTP server of the page, on a thread of its own; for this machine alone, or for others that know its token.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -6,26 +6,37 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use axum::Router;
+use axum::body::Bytes;
 use axum::extract::{Path, RawQuery, Request, State};
 use axum::middleware::{Next, from_fn};
 use axum::routing::get;
+use scenes::room::Room;
 use shell::loopback::{Answer, Listener, PageFile};
 use tokio::runtime::Builder;
-use tokio::sync::oneshot;
+use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::spawn_blocking;
 use tokio::time::{sleep, timeout};
 
-use super::Screens;
+use super::feed::{FeedFrame, FrameRing, LiveFeed, WAITING_FRAMES};
+use super::{RoomPage, Screens};
 use crate::Error;
+use crate::events::Clock;
 
 /// Files of the page.
-const FILES: [PageFile; 5] = [
+const FILES: [PageFile; 10] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),
     PageFile::PALETTE,
     PageFile::css("/style.css", include_str!("page/style.css")),
     PageFile::script("/view.js", include_str!("page/view.js")),
+    PageFile::script("/recent.js", include_str!("page/recent.js")),
+    PageFile::script("/pictures.js", include_str!("page/pictures.js")),
+    PageFile::script("/plan.js", include_str!("page/plan.js")),
+    PageFile::script("/space.js", include_str!("page/space.js")),
+    PageFile::script("/solids.js", include_str!("page/solids.js")),
 ];
+/// Media type of the surfaces.
+const BINARY: &str = "application/octet-stream";
 /// Default port, unless another program uses it.
 const PORT: u16 = 8081;
 /// Longest wait for news before a request is answered all the same, so that the page knows that the run goes on.
@@ -42,43 +53,70 @@ const LONGEST_FAREWELL: Duration = Duration::from_secs(3);
 pub struct Server {
     screens: Screens,
     address: SocketAddr,
+    link: String,
+    cameras: Vec<String>,
+    /// Frames for the page's thread, until the end is announced.
+    feed: Option<mpsc::Sender<FeedFrame>>,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Server {
-    /// Binds a loopback address: with this port (0: any free one), or with the default one or, where that is in use,
-    /// any other. `option` is the option of the port, which the error names.
+    /// Binds an address of this machine with this port (0: any free one), or with the default one or, where that is in
+    /// use, any other. `option` is the option of the port, which the error names.
     ///
     /// # Errors
-    /// [`crate::Error::Listen`] for a port that is in use or reserved.
-    pub fn bind(port: Option<u16>, option: &str) -> crate::Result<Listener> {
-        let bind = |port| Listener::bind("127.0.0.1", port, option);
+    /// [`crate::Error::Listen`] for an address that is not this machine's, or a port that is in use or reserved.
+    pub fn bind(host: &str, port: Option<u16>, option: &str) -> crate::Result<Listener> {
+        let bind = |port| Listener::bind(host, port, option);
         Ok(match port {
             Some(port) => bind(port)?,
             None => bind(PORT).or_else(|_| bind(0))?,
         })
     }
 
-    /// Starts answering requests.
+    /// Starts answering requests. `cameras` are the names of the run's cameras.
     ///
     /// # Errors
-    /// An error of the operating system that prevents the thread or its event loop.
-    pub fn start(listener: Listener, screens: Screens) -> crate::Result<Self> {
+    /// A listener that other machines can reach and that needs no token; an error of the operating system that prevents
+    /// the thread or its event loop.
+    pub fn start(
+        listener: Listener,
+        screens: Screens,
+        room: RoomPage,
+        cameras: Vec<String>,
+    ) -> crate::Result<Self> {
+        let (address, link) = (listener.address(), listener.link());
+        if !address.ip().is_loopback() && !listener.has_token() {
+            let problem = format!("{address} can be reached by other machines; it needs a token");
+            return Err(Error::option("view_host", problem));
+        }
         let refused = |e: std::io::Error| Error::option("view", format!("{e}; run without it"));
-        let address = listener.address();
         // One picture is encoded at a time, so that the other cores stay with the tracker.
         let runtime =
             Builder::new_current_thread().enable_all().max_blocking_threads(1).build().map_err(refused)?;
         let (end, ended) = oneshot::channel();
-        let own = screens.clone();
+        let (feed, frames) = mpsc::channel(WAITING_FRAMES);
+        let state =
+            PageState { screens: screens.clone(), room: Arc::new(room), ring: watch::Sender::default() };
         let serve = move || {
-            runtime.block_on(serve(listener, own, ended));
+            super::yield_to_tracker();
+            runtime.block_on(serve(listener, state, frames, ended));
             // Clients that do not read their answers are disconnected.
             runtime.shutdown_background();
         };
         let thread = thread::Builder::new().name("view".into()).spawn(serve).map_err(refused)?;
-        Ok(Self { screens, address, end: Some(end), thread: Some(thread) })
+        Ok(Self { screens, address, link, cameras, feed: Some(feed), end: Some(end), thread: Some(thread) })
+    }
+
+    /// Output of a run that feeds the page; `None` after the end was announced.
+    pub fn feed(&self, room: &Room, clock: Option<Clock>) -> Option<LiveFeed> {
+        Some(LiveFeed::new(self.feed.clone()?, room, self.cameras.clone(), clock))
+    }
+
+    /// Address of the page for a person to open, with the token if there is one.
+    pub fn link(&self) -> &str {
+        &self.link
     }
 
     /// Address of the server.
@@ -94,6 +132,7 @@ impl Server {
     /// Informs viewers that the run has ended. The last pictures can still be fetched while the program goes on, and
     /// for a moment when this is dropped.
     pub fn announce_end(&mut self) {
+        drop(self.feed.take());
         if let Some(end) = self.end.take() {
             self.screens.end();
             // A server whose socket the system closed has already reported it.
@@ -112,13 +151,33 @@ impl Drop for Server {
     }
 }
 
+/// State of the page, shared by its routes.
+#[derive(Clone)]
+struct PageState {
+    screens: Screens,
+    room: Arc<RoomPage>,
+    ring: watch::Sender<FrameRing>,
+}
+
 /// Time of the latest request or answer.
 type LastActivity = Arc<Mutex<Option<Instant>>>;
 
 /// Serves until the end has been announced.
-async fn serve(listener: Listener, screens: Screens, ended: oneshot::Receiver<()>) {
+async fn serve(
+    listener: Listener,
+    state: PageState,
+    mut frames: mpsc::Receiver<FeedFrame>,
+    ended: oneshot::Receiver<()>,
+) {
     let last_activity = LastActivity::default();
-    let answers = listener.serve(routes(screens, Arc::clone(&last_activity)));
+    let ring = state.ring.clone();
+    let answers = listener.serve(routes(state, Arc::clone(&last_activity)));
+    tokio::spawn(async move {
+        while let Some(frame) = frames.recv().await {
+            ring.send_modify(|ring| ring.push(&frame));
+        }
+        ring.send_modify(|ring| ring.has_ended = true);
+    });
     tokio::spawn(async {
         if let Err(e) = answers.await {
             tracing::warn!("the page is served no longer: {e}");
@@ -148,11 +207,15 @@ async fn farewell(last_activity: &LastActivity) {
 }
 
 /// Routes of the page; they record the time of each request and answer.
-fn routes(screens: Screens, last_activity: LastActivity) -> Router {
+fn routes(state: PageState, last_activity: LastActivity) -> Router {
     PageFile::routes(&FILES)
         .route("/moment", get(moment))
         .route("/camera/{file}", get(picture))
-        .with_state(screens)
+        .route("/frames", get(frames))
+        .route("/room.json", get(async |State(state): State<PageState>| description(&state.room)))
+        .route("/plan.jpg", get(async |State(state): State<PageState>| part("image/jpeg", &state.room.plan)))
+        .route("/surfaces", get(async |State(state): State<PageState>| part(BINARY, &state.room.surfaces)))
+        .with_state(state)
         .layer(from_fn(move |request: Request, next: Next| {
             let last_activity = Arc::clone(&last_activity);
             async move {
@@ -165,7 +228,10 @@ fn routes(screens: Screens, last_activity: LastActivity) -> Router {
 }
 
 /// The present state; with `after=17`, as soon as the state has another number.
-async fn moment(State(screens): State<Screens>, RawQuery(query): RawQuery) -> Result<Answer, Answer> {
+async fn moment(
+    State(PageState { screens, .. }): State<PageState>,
+    RawQuery(query): RawQuery,
+) -> Result<Answer, Answer> {
     if let Some(after) = query.as_deref().and_then(after) {
         let mut news = screens.wait();
         // Not "greater": the page may have been open since another run.
@@ -174,8 +240,33 @@ async fn moment(State(screens): State<Screens>, RawQuery(query): RawQuery) -> Re
     screens.look(Answer::json)
 }
 
+/// The newest frames; with `after=17`, those after the 17th, as soon as there is one.
+async fn frames(State(state): State<PageState>, RawQuery(query): RawQuery) -> Answer {
+    let after = query.as_deref().and_then(after).unwrap_or(0);
+    let mut news = state.ring.subscribe();
+    let _ = timeout(PATIENCE, news.wait_for(|ring| ring.number != after || ring.has_ended)).await;
+    let body = news.borrow().since(after);
+    Answer::ok("application/json", body)
+}
+
+/// Description of the room.
+fn description(room: &RoomPage) -> Result<Answer, Answer> {
+    part("application/json", &room.description)
+}
+
+/// A part of the page that not every room has.
+fn part(media_type: &'static str, bytes: &Bytes) -> Result<Answer, Answer> {
+    if bytes.is_empty() {
+        return Err(Answer::error(404, "this room has none"));
+    }
+    Ok(Answer::ok(media_type, bytes.clone()))
+}
+
 /// Picture of a camera: `0.jpg` is the first camera's.
-async fn picture(State(screens): State<Screens>, Path(file): Path<String>) -> Result<Answer, Answer> {
+async fn picture(
+    State(PageState { screens, .. }): State<PageState>,
+    Path(file): Path<String>,
+) -> Result<Answer, Answer> {
     let camera = file.strip_suffix(".jpg").and_then(|number| number.parse().ok());
     let picture = camera.and_then(|camera| screens.look(|now| now.picture(camera)));
     let picture = picture.ok_or_else(|| Answer::error(404, "that camera has no picture yet"))?;

@@ -9,8 +9,8 @@ export class Cameras {
   #drag = null;
 
   // `look` asks which place of the floor a pixel shows, and does with it what it is told to; `leave` ends that.
-  constructor(container, drawing, { look, leave, add }) {
-    Object.assign(this, { container, drawing, look, leave, add });
+  constructor(container, drawing, { look, leave, add, settle, finish }) {
+    Object.assign(this, { container, drawing, look, leave, add, settle, finish });
   }
 
   load(cameras, version) {
@@ -66,7 +66,8 @@ export class Cameras {
     new ResizeObserver(() => this.#redraw(frame)).observe(element);
     svg.addEventListener("pointerdown", (event) => this.#press(event, frame));
     svg.addEventListener("pointermove", (event) => this.#move(event, frame));
-    svg.addEventListener("pointerup", () => { this.#drag = null; });
+    svg.addEventListener("pointerup", (event) => this.#release(event, frame));
+    svg.addEventListener("dblclick", () => this.drawing.draft && this.finish());
     svg.addEventListener("pointercancel", () => { this.#drag = null; });
     svg.addEventListener("pointerleave", () => this.leave());
     return figure;
@@ -77,13 +78,25 @@ export class Cameras {
     if (event.button !== 0 || !pixel) return;
     // Keys go to the zones from here on, not to a name that was being typed.
     document.activeElement?.blur();
-    if (this.drawing.draft) return this.add(name, pixel);
+    if (this.drawing.draft) {
+      event.preventDefault();
+      if (event.target.dataset.first !== undefined && this.drawing.draft.corners.length >= 3) return this.finish();
+      // The second click of a double click sets no corner.
+      return event.detail > 1 ? undefined : this.add(name, pixel);
+    }
     const { zone, corner } = event.target.dataset;
     if (corner === undefined) return;
     this.#drag = { id: Number(zone), corner: Number(corner), moves: false };
     this.drawing.select(this.#drag.id, this.#drag.corner);
     svg.setPointerCapture(event.pointerId);
     event.preventDefault();
+  }
+
+  #release(event, { name, svg }) {
+    const [drag, pixel] = [this.#drag, pointOf(svg, event)];
+    this.#drag = null;
+    // Answers about earlier places of the drag may still be on their way, and are not used.
+    if (drag?.moves && pixel) this.settle(name, pixel, drag);
   }
 
   #move(event, { name, svg }) {
@@ -123,7 +136,7 @@ export class Cameras {
     if (zone.selected || zone.id === null) {
       corners.forEach((p, i) => p && shapes.push(shape("circle", {
         class: "corner", cx: p[0], cy: p[1], r: HANDLE_PX * unit, stroke: zone.color,
-        "data-zone": zone.id ?? undefined, "data-corner": zone.id === null ? undefined : i,
+        "data-zone": zone.id ?? undefined, "data-corner": zone.id === null ? undefined : i, "data-first": zone.id === null && i === 0 ? "" : undefined,
       })));
     }
     return shapes;

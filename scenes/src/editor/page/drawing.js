@@ -4,6 +4,7 @@
 
 const COLORS = ["#00868b", "#c2500a", "#6f4bb8", "#1f6fc4", "#b0246b", "#4d7c0f"];
 const MOST_STEPS_BACK = 200;
+const DUPLICATE_M = 0.3; // from a zone to its copy
 
 // To the millimetre: finer than anybody draws.
 export const rounded = ([x, y]) => [Math.round(x * 1000) / 1000, Math.round(y * 1000) / 1000];
@@ -16,6 +17,15 @@ export function area(polygon) {
     return sum + x * v - u * y;
   }, 0);
   return Math.abs(twice) / 2;
+}
+
+const turn = (a, b, c) => Math.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
+
+// Whether two edges of an outline cross that are no neighbours, as in a bow tie.
+export function crosses(polygon) {
+  const edges = polygon.map((p, i) => [p, polygon[(i + 1) % polygon.length]]);
+  const meet = ([a, b], [c, d]) => turn(a, b, c) * turn(a, b, d) < 0 && turn(c, d, a) * turn(c, d, b) < 0;
+  return edges.some((edge, i) => edges.slice(i + 2).some((other) => meet(edge, other)));
 }
 
 export class Drawing extends EventTarget {
@@ -115,6 +125,17 @@ export class Drawing extends EventTarget {
     this.zones = this.zones.filter((zone) => zone.id !== id);
     if (this.selected === id) this.select(null);
     this.changed();
+  }
+
+  // A copy beside the original, selected.
+  duplicate(id) {
+    this.remember();
+    const { polygon, kind } = this.zone(id);
+    const moved = polygon.map(([x, y]) => rounded([x + DUPLICATE_M, y - DUPLICATE_M]));
+    const zone = this.#numbered({ name: this.#freeName(), kind, polygon: moved });
+    this.zones.push(zone);
+    this.select(zone.id);
+    return zone;
   }
 
   moveCorner(id, index, place) {

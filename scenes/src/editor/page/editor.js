@@ -2,16 +2,16 @@
 // binds its parts together: loading, saving, keys, and the line that says how things stand.
 
 import { Cameras } from "/cameras.js";
-import { Drawing, distance } from "/drawing.js";
+import { Drawing, crosses, distance } from "/drawing.js";
 import { List } from "/list.js";
 import { Plan } from "/plan.js";
 import { Latest, ask } from "/server.js";
 
 const byId = (id) => document.getElementById(id);
 const HINTS = {
-  idle: "Drag a zone or its corners; a dot on an edge makes a corner, Delete removes one. N draws a zone.",
+  idle: "Drag a zone or its corners; a dot on an edge makes a corner, Delete removes one. N draws a zone, D doubles it.",
   empty: "Draw a zone where people enter or leave the room: button above, or N.",
-  draft: "Click corners, on the plan or in a camera. Enter closes, and on the plan a double click or the first corner; Esc gives up.",
+  draft: "Click corners, on the plan or in a camera. A double click, the first corner or Enter closes; Esc gives up. Alt: no snapping.",
 };
 const DRAFT = { id: null, name: "", selected: true };
 
@@ -19,7 +19,7 @@ const drawing = new Drawing();
 const list = new List(byId("zones"), byId("none"), drawing);
 const fail = (error) => say(error.message, "wrong");
 const plan = new Plan(byId("plan"), drawing, { finish, hover, say });
-const cameras = new Cameras(byId("cameras"), drawing, { look, leave: () => hover(null), add });
+const cameras = new Cameras(byId("cameras"), drawing, { look, leave: () => hover(null), add, settle, finish });
 let version = null;
 
 // Lines of one kind follow each other; the last answer of a kind that was asked for is the one that stays.
@@ -69,6 +69,16 @@ function look(camera, pixel, use) {
   places.ask({ camera, pixel }, use);
 }
 
+// A corner's drag ends at a pixel of a camera.
+async function settle(camera, pixel, { id, corner }) {
+  try {
+    const { floor } = await ask("POST", "/place", { camera, pixel });
+    if (floor && drawing.zone(id)?.polygon[corner]) drawing.moveCorner(id, corner, floor);
+  } catch (error) {
+    fail(error);
+  }
+}
+
 // A corner is clicked in a camera.
 async function add(camera, pixel) {
   try {
@@ -81,6 +91,8 @@ async function add(camera, pixel) {
 }
 
 function finish() {
+  if (!drawing.draft) return;
+  if (crosses(drawing.draft.corners)) return say("The outline crosses itself: remove the last corner with Delete.", "warn");
   const zone = drawing.finish();
   if (!zone) return say("A zone needs at least three corners.", "warn");
   say("Give the zone a name, then save.");
@@ -109,7 +121,18 @@ async function load() {
   }
 }
 
+// One save at a time: the answer to one is the version that the next one starts from.
+let saving = null;
+
 async function save() {
+  while (saving) await saving;
+  if (!drawing.isUnsaved) return;
+  saving = saveNow();
+  await saving;
+  saving = null;
+}
+
+async function saveNow() {
   if (drawing.draft) return say("Close the zone first, or give it up with Esc.", "warn");
   const zones = drawing.plain();
   try {
@@ -176,6 +199,7 @@ document.addEventListener("keydown", (event) => {
   else if (key === "enter" && drawing.draft) finish();
   else if (key === "escape" && drawing.draft) drawing.cancel();
   else if (key === "escape") drawing.select(null);
+  else if (key === "d" && drawing.selected !== null && !drawing.draft) list.focusName(drawing.duplicate(drawing.selected).id);
   else if (key === "delete" || key === "backspace") remove();
   else return;
   event.preventDefault();

@@ -14,7 +14,9 @@ export class List {
 
   // For the name of a zone that was just drawn.
   focusName(id) {
-    this.#rows.get(id)?.name.select();
+    const name = this.#rows.get(id)?.name;
+    name?.focus();
+    name?.select();
   }
 
   #update() {

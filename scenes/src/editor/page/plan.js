@@ -1,12 +1,13 @@
 // The floor plan: zones are drawn, moved and mended here. Places are metres on the floor, pixels those of the picture.
 
-import { distance } from "/drawing.js";
+import { crosses, distance } from "/drawing.js";
 import { classes, pointOf, points, shape, unitOf } from "/shapes.js";
 
 const HANDLE_PX = 6.5; // radii, on the screen
 const MIDDLE_PX = 4.5;
 const CLOSING_PX = 11; // a click this near to the first corner closes
 const SAME_PX = 5; // and this near to the last one is the second of a double click
+const SNAP_PX = 9; // to corners and edges of other zones
 const STILL_PX = 3; // a press that moves less is a click
 const STEP_M = 0.1; // arrow keys
 const FINE_STEP_M = 0.01; // with Shift
@@ -106,7 +107,11 @@ export class Plan {
     if (event.button !== 0 || !this.plan) return;
     const { drawing } = this;
     const floor = this.#floorOf(event);
-    if (drawing.draft) return this.#draw(floor);
+    if (drawing.draft) {
+      // The focus stays where drawing puts it: on the name of a zone that is closed now.
+      event.preventDefault();
+      return this.#draw(floor, event.altKey);
+    }
     const { zone, corner, edge } = event.target.dataset;
     const id = zone === undefined ? null : Number(zone);
     this.#drag = { id, start: [event.clientX, event.clientY], from: floor, moves: false };
@@ -124,11 +129,11 @@ export class Plan {
     this.#focusOnCorner();
   }
 
-  #draw(floor) {
+  #draw(floor, isFree) {
     const { corners } = this.drawing.draft;
     if (corners.length >= 3 && this.#pxBetween(floor, corners[0]) < CLOSING_PX) return this.finish();
     const last = corners.at(-1);
-    if (!last || this.#pxBetween(floor, last) >= SAME_PX) this.drawing.addCorner(floor);
+    if (!last || this.#pxBetween(floor, last) >= SAME_PX) this.drawing.addCorner(isFree ? floor : this.#snapped(floor, null));
   }
 
   #move(event) {
@@ -137,10 +142,10 @@ export class Plan {
     const { drawing } = this;
     if (this.#drag) this.#dragTo(event, floor);
     if (drawing.draft) {
-      drawing.draft.cursor = floor;
+      drawing.draft.cursor = event.altKey ? floor : this.#snapped(floor, null);
       drawing.changed();
     }
-    this.hover(floor);
+    this.hover(drawing.draft?.cursor ?? floor);
   }
 
   #dragTo(event, floor) {
@@ -156,14 +161,33 @@ export class Plan {
       this.#pan([(event.clientX - (drag.last ?? drag.start)[0]) * unit, (event.clientY - (drag.last ?? drag.start)[1]) * unit]);
       drag.last = [event.clientX, event.clientY];
     } else if (drag.corner !== undefined) {
-      this.drawing.moveCorner(drag.id, drag.corner, floor);
+      this.drawing.moveCorner(drag.id, drag.corner, event.altKey ? floor : this.#snapped(floor, drag.id));
     } else {
       const [x, y] = [floor[0] - drag.from[0], floor[1] - drag.from[1]];
       drag.polygon.forEach((p, i) => this.drawing.moveCorner(drag.id, i, [p[0] + x, p[1] + y]));
     }
   }
 
-  #release() {
+  // The nearest corner of another zone, or else the nearest place on an edge of one, where the pointer is near.
+  #snapped(floor, own) {
+    const others = this.drawing.zones.filter((zone) => zone.id !== own).map((zone) => zone.polygon);
+    const nearest = (places) => places
+      .map((place) => ({ place, px: this.#pxBetween(floor, place) }))
+      .reduce((best, one) => (one.px < best.px ? one : best), { place: null, px: SNAP_PX }).place;
+    const onEdge = (a, b) => {
+      const [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+      const share = ((floor[0] - a[0]) * dx + (floor[1] - a[1]) * dy) / (dx * dx + dy * dy || 1);
+      const t = Math.min(Math.max(share, 0), 1);
+      return [a[0] + t * dx, a[1] + t * dy];
+    };
+    const edges = others.flatMap((polygon) => polygon.map((a, i) => onEdge(a, polygon[(i + 1) % polygon.length])));
+    return nearest(others.flat()) ?? nearest(edges) ?? floor;
+  }
+
+  #release(event) {
+    // The last movement may not have been told by an event of its own.
+    const floor = event.type === "pointerup" && this.#drag && this.#floorOf(event);
+    if (floor) this.#dragTo(event, floor);
     this.#drag = null;
   }
 
@@ -239,7 +263,7 @@ export class Plan {
     const [x, y] = [0, 1].map((axis) => pixels.reduce((sum, p) => sum + p[axis], 0) / pixels.length);
     return [
       shape("polygon", {
-        class: classes({ zone: true, selected: isSelected }),
+        class: classes({ zone: true, selected: isSelected, crossed: crosses(zone.polygon) }),
         points: points(pixels),
         fill: zone.color,
         stroke: zone.color,
@@ -270,7 +294,8 @@ export class Plan {
     const color = getComputedStyle(document.documentElement).getPropertyValue("--draft").trim();
     const pixels = corners.map((p) => this.pixel(p));
     const line = cursor ? pixels.concat([this.pixel(cursor)]) : pixels;
-    const shapes = [shape("polyline", { class: "draft", points: points(line), stroke: color })];
+    const isCrossed = crosses(cursor ? corners.concat([cursor]) : corners);
+    const shapes = [shape("polyline", { class: classes({ draft: true, crossed: isCrossed }), points: points(line), stroke: color })];
     if (line.length >= 3) {
       shapes.push(shape("polyline", { class: "closing", points: points([line.at(-1), line[0]]), stroke: color }));
     }
