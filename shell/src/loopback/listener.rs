@@ -31,7 +31,7 @@ pub struct ListenError {
 /// A bound socket of this machine that listens.
 #[derive(Debug)]
 pub struct Listener {
-    listener: TcpListener,
+    socket: TcpListener,
     address: SocketAddr,
     token: Option<AccessToken>,
     tls: Option<Arc<ServerConfig>>,
@@ -70,7 +70,7 @@ impl Listener {
     pub fn of(listener: TcpListener) -> io::Result<Self> {
         // The runtime requires a non-blocking socket.
         listener.set_nonblocking(true)?;
-        Ok(Self { address: listener.local_addr()?, listener, token: None, tls: None })
+        Ok(Self { address: listener.local_addr()?, socket: listener, token: None, tls: None })
     }
 
     /// Listener that answers only requests that know a token: from a link at first, from a cookie afterwards.
@@ -110,7 +110,7 @@ impl Listener {
     /// # Errors
     /// An I/O error when the system closes the socket.
     pub async fn serve(self, routes: Router) -> io::Result<()> {
-        let Self { listener, address, token, tls } = self;
+        let Self { socket, address, token, tls } = self;
         let is_local = address.ip().is_loopback();
         let is_tls = tls.is_some();
         let not_found =
@@ -135,7 +135,7 @@ impl Listener {
                 }
             }))
             .layer(map_response(with_common_headers));
-        let listener = tokio::net::TcpListener::from_std(listener)?;
+        let listener = tokio::net::TcpListener::from_std(socket)?;
         match tls {
             Some(config) => axum::serve(TlsListener::new(listener, config)?, router).await,
             None => axum::serve(listener, router).await,

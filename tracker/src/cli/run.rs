@@ -132,8 +132,7 @@ fn follow(
     let outputs = match (journal, service.as_ref()) {
         (Some(journal), Some(service)) => {
             service.watch(&args.room, &room, &options);
-            type StartFilm<'a> = Box<dyn Fn(&Path) -> tracker::Result<Film> + 'a>;
-            let film = (!args.no_film).then(|| Box::new(film) as StartFilm<'_>);
+            let film = (!args.no_film).then(|| Box::new(film) as tracker::serve::StartFilm<'_>);
             vec![room_outputs(args, &room, &prepared, journal, film, shown)]
         }
         _ => {

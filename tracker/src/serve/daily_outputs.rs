@@ -79,9 +79,12 @@ impl Output for DailyOutputs<'_> {
     }
 }
 
+/// Function that starts a film in a folder.
+pub type StartFilm<'a> = Box<dyn Fn(&Path) -> Result<Film> + 'a>;
+
 /// Films of a run that lasts: a folder `film-HHMMSS` (UTC) for each start and each day, so that none is overwritten.
 pub struct DailyFilm<'a> {
-    start: Box<dyn Fn(&Path) -> Result<Film> + 'a>,
+    start: StartFilm<'a>,
     film: Option<Film>,
 }
 
@@ -93,7 +96,7 @@ impl<'a> DailyFilm<'a> {
     ///
     /// # Errors
     /// Films that cannot be written.
-    pub fn new(folder: &Path, start: Box<dyn Fn(&Path) -> Result<Film> + 'a>) -> Result<Self> {
+    pub fn new(folder: &Path, start: StartFilm<'a>) -> Result<Self> {
         let film = Some(start(&Self::folder(folder))?);
         Ok(Self { start, film })
     }

@@ -21,7 +21,7 @@ mod room_journal;
 mod site_files;
 mod site_ids;
 
-pub use daily_outputs::{BeginOutputs, DailyFilm, DailyOutputs};
+pub use daily_outputs::{BeginOutputs, DailyFilm, DailyOutputs, StartFilm};
 pub use day::{Day, remove_older};
 pub use door_matcher::{DoorMatcher, DoorOptions, Looks, Passage};
 pub use room_journal::RoomJournal;

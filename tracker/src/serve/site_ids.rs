@@ -242,13 +242,13 @@ mod tests {
 
     #[test]
     fn who_walks_to_and_fro_keeps_one_id_and_others_get_their_own() {
+        use EventKind::{Appear, Disappear};
         let mut site = SiteIds::new(doors(), 1);
         let take = |site: &mut SiteIds, room, event: &Event, time_s: f64| {
             let mut named = site.take(room, event, time_s, time_s);
             named.extend(site.advance(time_s + 10.0));
             ids(&named)
         };
-        use EventKind::{Appear, Disappear};
         assert_eq!(take(&mut site, 0, &event(Appear, 4, None), 100.0), [(0, 4, 1)]);
         assert_eq!(take(&mut site, 0, &event(Disappear, 4, Some("east")), 150.0), []);
         assert_eq!(take(&mut site, 1, &event(Appear, 9, Some("door")), 152.0), [(1, 9, 1)]);

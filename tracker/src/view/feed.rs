@@ -95,7 +95,9 @@ impl LiveFeed {
         let set_aside: Vec<(usize, Verdict)> = faulty.collect();
         let line = FrameLine::new(frame, time_s, people, &self.cameras, &set_aside, self.clock.as_ref());
         let events = self.events.step(&line);
-        events.iter().for_each(|event| self.tally.add(event));
+        for event in &events {
+            self.tally.add(event);
+        }
         self.undelivered.extend(events);
         let excess = self.undelivered.len().saturating_sub(MOST_UNDELIVERED);
         self.undelivered.drain(..excess);

@@ -5,10 +5,9 @@ use std::path::Path;
 
 use scenes::room::Room;
 use tracker::events::{Clock, Event, EventFiles};
-use tracker::film::Film;
 use tracker::prepared_room::PreparedRoom;
 use tracker::run::{AgencyLog, EventLog, Output, ProcessedMoment};
-use tracker::serve::{DailyFilm, DailyOutputs, RoomJournal};
+use tracker::serve::{DailyFilm, DailyOutputs, RoomJournal, StartFilm};
 use tracker::tracks::{Persistence, TrackFiles};
 
 use super::message::{Report, send};
@@ -24,7 +23,7 @@ pub(in crate::cli) fn room_outputs<'a>(
     room: &'a Room,
     prepared: &'a PreparedRoom,
     journal: RoomJournal,
-    film: Option<Box<dyn Fn(&Path) -> tracker::Result<Film> + 'a>>,
+    film: Option<StartFilm<'a>>,
     shown: Vec<Box<dyn Output + 'a>>,
 ) -> Box<dyn Output + 'a> {
     let clock = journal.clock();

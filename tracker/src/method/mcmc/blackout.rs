@@ -3,7 +3,10 @@
 //! People leave through exits; nobody vanishes in the middle of a room. A camera whose mask has no foreground any more,
 //! though it saw people far from all exits a moment before, has lost its mask (a failed segmenter, a reset background, a
 //! black picture), and says nothing about who is there. Its masks are set aside until foreground returns, for
-//! [`LONGEST_S`] at most: what stays invisible for longer was nobody.
+//! [`LONGEST_S`] at most: what stays invisible for longer was nobody. After an outage of the camera itself people may have
+//! left, so that an empty mask is believed.
+
+use super::outage::OUTAGE_S;
 
 /// Longest time for which empty masks are set aside, seconds.
 const LONGEST_S: f64 = 5.0;
@@ -22,6 +25,8 @@ pub(super) struct Blackouts {
 struct Camera {
     /// Pixels of the people far from all exits, as the camera last saw them, in pixels of its view.
     expected_px: u32,
+    /// Time of the latest mask, empty or not, seconds.
+    given_s: f64,
     /// Time of the first empty mask, seconds.
     since_s: Option<f64>,
 }
@@ -38,6 +43,9 @@ impl Blackouts {
         self.cameras.resize(masks.len(), Camera::default());
         for (index, (camera, mask)) in self.cameras.iter_mut().zip(masks).enumerate() {
             let Some(words) = mask else { continue };
+            if time_s - std::mem::replace(&mut camera.given_s, time_s) >= OUTAGE_S {
+                *camera = Camera { given_s: time_s, ..Camera::default() };
+            }
             let px: u32 = words.iter().map(|word| word.count_ones()).sum();
             let expected = camera.expected_px;
             let is_empty =
@@ -78,10 +86,17 @@ mod tests {
 
     #[test]
     fn a_mask_that_loses_people_is_set_aside_until_foreground_returns_or_five_seconds_pass() {
-        let back = [(0.0, 640, 600), (0.1, 0, 600), (3.0, 0, 600), (3.1, 640, 600)];
+        let back = [(0.0, 640, 600), (0.1, 0, 600), (2.0, 0, 600), (3.1, 640, 600)];
         assert_eq!(set_aside(&back), [false, true, true, false]);
-        let gone = [(0.0, 640, 600), (0.1, 0, 600), (5.0, 0, 600), (5.2, 0, 0), (6.0, 0, 0)];
-        assert_eq!(set_aside(&gone), [false, true, true, false, false]);
+        let gone = [0.1, 1.9, 3.5, 5.0].map(|time_s| (time_s, 0, 600));
+        let after = [(5.2, 0, 0), (6.0, 0, 0)];
+        let moments = [&[(0.0, 640, 600)][..], &gone, &after].concat();
+        assert_eq!(set_aside(&moments), [false, true, true, true, true, false, false]);
+    }
+
+    #[test]
+    fn an_empty_mask_after_an_outage_of_the_camera_is_believed() {
+        assert_eq!(set_aside(&[(0.0, 640, 600), (2.5, 0, 600)]), [false; 2]);
     }
 
     #[test]

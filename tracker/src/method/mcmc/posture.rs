@@ -25,7 +25,7 @@ const CROUCHING: usize = 2;
 const SEATED_HEIGHT: [f64; 2] = [0.77, 0.04];
 const CROUCHING_HEIGHT: [f64; 2] = [0.6, 0.07];
 /// Growth of the radius when the knees are bent, with its standard deviation, metres.
-const BENT_WIDER_M: [f64; 2] = [0.04, 0.04];
+const BENT_WIDER_M: [f64; 2] = [0.03, 0.02];
 
 /// Rate at which people who stand still crouch, as a fraction of the rate at which they sit down.
 const CROUCHES: f64 = 0.2;
@@ -260,7 +260,7 @@ impl Postures {
         let seen = Body { x_m: 0.0, y_m: 0.0, radius_m, height_m };
         let prior = SizePrior::of_newcomers(options);
         let shares = prior.shares(&seen);
-        let kind = if shares[0] >= 0.5 { 0 } else { 1 };
+        let kind = usize::from(shares[0] < 0.5);
         let mut postures = Self {
             probabilities: [1.0, 0.0, 0.0],
             sizes: [prior.modes[kind].updated([radius_m, height_m], 1.0); POSTURES],
@@ -408,7 +408,7 @@ mod tests {
 
     #[test]
     fn people_who_walk_do_not_sit_down() {
-        let options = McmcOptions::default();
+        let options = McmcOptions { sits_down_per_s: 1.0 / 30.0, ..McmcOptions::default() };
         let mut postures = Postures::of_newcomer([0.25, 1.75], &options);
         let after = |postures: &mut Postures, speed_m_s: f64| {
             postures.predict(60.0, speed_m_s, &options);
