@@ -67,13 +67,12 @@ impl Drop for Service {
 fn site(metrics: SocketAddr, more: &str) -> String {
     let (office, mut text) = (office(), String::from("out = \"out\"\n[run]\nno-film = true\n"));
     for (name, own) in [("hall", format!("metrics = \"{metrics}\"\n")), ("office", String::new())] {
-        let (room, video) = (office.join("room"), office.join("video"));
-        text += &format!("[[room]]\nname = \"{name}\"\npath = {room:?}\n{own}");
-        text += &format!(
-            "cameras = {{ cam0 = {:?}, cam1 = {:?} }}\n",
-            video.join("cam0.mp4"),
-            video.join("cam1.mp4")
-        );
+        let [room, cam0, cam1] = ["room", "video/cam0.mp4", "video/cam1.mp4"].map(|path| office.join(path));
+        let (room, cam0, cam1) = (room.display(), cam0.display(), cam1.display());
+        text.extend([
+            format!("[[room]]\nname = \"{name}\"\npath = \"{room}\"\n{own}"),
+            format!("cameras = {{ cam0 = \"{cam0}\", cam1 = \"{cam1}\" }}\n"),
+        ]);
     }
     text + "[[door]]\nrooms = [\"hall\", \"office\"]\nzones = [\"door A\", \"door B\"]\nseconds = [0, 4]\n"
         + more

@@ -11,13 +11,14 @@ use shell::console::Console;
 use tracker::events::{self, Clock, EventFiles};
 use tracker::film::{Film, FilmOptions};
 use tracker::foreground::Verdict;
-use tracker::gathering::{Gathering, GatheringOptions};
+use tracker::gathering::{ClockAlignment, Gathering, GatheringOptions};
 use tracker::method::RaisedIds;
 use tracker::plan::TrajectoryPlan;
 use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::run::{
     self, AgencyLog, ClockOffsets, EventLog, NoEvents, Output, RunDirective, RunEnd, RunProgress, RunReport,
 };
+use tracker::serve::StartFilm;
 use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
 use tracker::view::{LiveDrawer, Screens, Server};
@@ -43,7 +44,7 @@ pub(super) fn run_as(
     // The cameras share the threads; OpenCV's own loops stay on theirs.
     calib::vision::set_threads(1)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("--threads")?;
-    pool.install(|| follow(args, threads, console, service))
+    pool.install(move || follow(args, threads, console, service.as_ref()))
 }
 
 /// Runs the subcommand.
@@ -67,7 +68,7 @@ fn follow(
     args: &RunArgs,
     threads: usize,
     console: &Console,
-    service: Option<RoomService>,
+    service: Option<&RoomService>,
 ) -> anyhow::Result<String> {
     let started = Instant::now();
     // The port is bound before the slow reading of the room.
@@ -80,7 +81,7 @@ fn follow(
         working_width_px: args.mask_width,
     };
     let prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
-    let interrupted = match &service {
+    let interrupted = match service {
         Some(service) => Arc::clone(&service.is_ended),
         None => interrupt::watch().context("the signals that end a run")?,
     };
@@ -90,7 +91,7 @@ fn follow(
     input.is_live |= service.is_some();
     let is_live = input.is_live;
     let mut method = args.method(&prepared, is_live)?;
-    let journal = service.as_ref().map(|service| service.journal(&args.out)).transpose()?;
+    let journal = service.map(|_| RoomService::journal(&args.out)).transpose()?;
     if let Some(journal) = &journal {
         method = Box::new(RaisedIds::new(method, journal.next_id()));
     }
@@ -129,48 +130,35 @@ fn follow(
     if let Some(feed) = page.as_ref().and_then(|page| page.feed(&room, clock)) {
         shown.push(Box::new(feed));
     }
-    let outputs = match (journal, service.as_ref()) {
-        (Some(journal), Some(service)) => {
-            service.watch(&args.room, &room, &options);
-            let film = (!args.no_film).then(|| Box::new(film) as tracker::serve::StartFilm<'_>);
-            vec![room_outputs(args, &room, &prepared, journal, film, shown)]
+    let outputs = if let (Some(journal), Some(service)) = (journal, service) {
+        service.watch(&args.room, &room, &options);
+        let film = (!args.no_film).then(|| Box::new(film) as StartFilm<'_>);
+        vec![room_outputs(args, &room, &prepared, journal, film, shown)]
+    } else {
+        let mut outputs = outputs(args, &room, &prepared, clock)?;
+        if !args.no_film {
+            outputs.push(Box::new(film(&args.out)?));
         }
-        _ => {
-            let mut outputs = outputs(args, &room, &prepared, clock)?;
-            if !args.no_film {
-                outputs.push(Box::new(film(&args.out)?));
-            }
-            outputs.extend(shown);
-            outputs
-        }
+        outputs.extend(shown);
+        outputs
     };
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
     let alignments = input.alignments;
-    let clocks = match prepared.cameras.len() {
-        0 | 1 => None,
-        _ => {
-            let applies = args.clocks.is_auto() && is_live;
-            Some(ClockOffsets::new(&prepared, alignments.clone(), is_live, applies)?)
-        }
-    };
+    let clocks = clock_offsets(args, &prepared, &alignments, is_live)?;
     let gathering_options = GatheringOptions { alignments, latency_s: args.latency };
     let gathering = Gathering::new(ports, station_events, &gathering_options)?;
     let report = run::run(gathering, method.as_mut(), outputs, clocks, threads, |step| {
         if step == RunProgress::Moment {
             progress.advance();
         }
-        match service.as_ref().and_then(RoomService::changed_room) {
+        match service.and_then(RoomService::changed_room) {
             _ if interrupted.load(Ordering::Relaxed) => RunDirective::Stop,
             Some(changed) => RunDirective::Replace(changed),
             None => RunDirective::GoOn,
         }
     })?;
     drop(progress);
-    if let Some(garbage) = downlink.as_ref().map(Downlink::garbage).filter(|count| *count > 0) {
-        tracing::warn!(
-            "--stations: {garbage} messages were refused: malformed, out of order, or from unknown senders"
-        );
-    }
+    warn_of_garbage(downlink.as_ref());
     drop(downlink);
     if let Some(page) = &mut page {
         page.announce_end();
@@ -182,6 +170,29 @@ fn follow(
     }
     log_report(&report, prepared_s, started.elapsed().as_secs_f64());
     Ok(String::new())
+}
+
+/// Estimation of the cameras' clocks, where there are several cameras.
+fn clock_offsets(
+    args: &RunArgs,
+    prepared: &PreparedRoom,
+    alignments: &[ClockAlignment],
+    is_live: bool,
+) -> anyhow::Result<Option<ClockOffsets>> {
+    if prepared.cameras.len() < 2 {
+        return Ok(None);
+    }
+    let applies = args.clocks.is_auto() && is_live;
+    Ok(Some(ClockOffsets::new(prepared, alignments.to_vec(), is_live, applies)?))
+}
+
+/// Warns of messages that the stations' connection refused.
+fn warn_of_garbage(downlink: Option<&Downlink>) {
+    if let Some(garbage) = downlink.map(Downlink::garbage).filter(|count| *count > 0) {
+        tracing::warn!(
+            "--stations: {garbage} messages were refused: malformed, out of order, or from unknown senders"
+        );
+    }
 }
 
 /// Pictures that films and the page need.

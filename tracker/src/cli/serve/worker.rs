@@ -127,7 +127,7 @@ fn without_geometry(room: &Room) -> Room {
         zones: zones.clone(),
         regions: regions.clone(),
         lines: lines.clone(),
-        geo: geo.clone(),
+        geo: *geo,
         walkable: walkable.clone(),
         geometry: None,
     }
@@ -135,7 +135,7 @@ fn without_geometry(room: &Room) -> Room {
 
 impl RoomService {
     /// Opens the room's folder.
-    pub(in crate::cli) fn journal(&self, out: &Path) -> anyhow::Result<RoomJournal> {
+    pub(in crate::cli) fn journal(out: &Path) -> anyhow::Result<RoomJournal> {
         let journal = RoomJournal::open(out, Day::today())?;
         if let Some(last) = journal.last() {
             tracing::info!(
