@@ -171,8 +171,7 @@ pub struct McmcOptions {
     /// Rate at which a person whom no camera sees leaves the room unseen, 1/s (published: 0). It is low because
     /// hidden people usually come out again.
     pub unseen_leaves_per_s: f64,
-    /// Rate at which a person who stands still sits down, 1/s (published: 0, people stand). Where it is 0, newcomers
-    /// are adults, too.
+    /// Rate at which a person who stands still sits down, 1/s (published: 0, people stand).
     pub sits_down_per_s: f64,
     /// Fraction of ADD's proposals drawn where unexplained foreground is; the rest is uniform over the zones
     /// (published: 0).

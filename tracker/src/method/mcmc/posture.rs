@@ -51,10 +51,6 @@ const HEIGHT_DRIFT_M: f64 = 0.005;
 const RADIUS_POSE_SIGMA_M: f64 = 0.025;
 const HEIGHT_POSE_SIGMA_M: f64 = 0.02;
 
-/// Probability that a newcomer is small (a child, somebody in a wheelchair), and the height of small people, metres.
-const SMALL: f64 = 0.03;
-const SMALL_HEIGHT: Spread = Spread { mean_m: 1.25, sigma_m: 0.12 };
-
 /// Normal distributions of radius and height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Size {
@@ -154,9 +150,7 @@ impl SizePrior {
     /// Prior of people who were never seen before.
     pub(super) fn of_newcomers(options: &McmcOptions) -> Self {
         let adult = Size { radius: options.radius, height: options.height };
-        let small = Size { height: SMALL_HEIGHT, ..adult };
-        let share = if options.sits_down_per_s > 0.0 { SMALL } else { 0.0 };
-        Self::new([1.0 - share, share, 0.0], [adult, small, small])
+        Self::new([1.0, 0.0, 0.0], [adult; POSTURES])
     }
 
     pub(super) fn log_density(&self, body: &Body) -> f64 {
@@ -257,14 +251,9 @@ pub(super) struct Postures {
 impl Postures {
     /// Belief about a newcomer who showed this radius and height, metres, in a moment.
     pub(super) fn of_newcomer([radius_m, height_m]: [f64; 2], options: &McmcOptions) -> Self {
-        let seen = Body { x_m: 0.0, y_m: 0.0, radius_m, height_m };
-        let prior = SizePrior::of_newcomers(options);
-        let shares = prior.shares(&seen);
-        let kind = usize::from(shares[0] < 0.5);
-        let mut postures = Self {
-            probabilities: [1.0, 0.0, 0.0],
-            sizes: [prior.modes[kind].updated([radius_m, height_m], 1.0); POSTURES],
-        };
+        let adult = Size { radius: options.radius, height: options.height };
+        let size = adult.updated([radius_m, height_m], 1.0);
+        let mut postures = Self { probabilities: [1.0, 0.0, 0.0], sizes: [size; POSTURES] };
         postures.derive_unseen();
         postures
     }
@@ -377,15 +366,6 @@ mod tests {
             shown(&mut postures, 40, [0.25, 1.8], &options);
             assert_relative_eq!(postures.size().height.mean_m, stature_m, epsilon = 0.02);
         }
-    }
-
-    #[test]
-    fn a_child_is_no_seated_adult() {
-        let options = McmcOptions::default();
-        let mut postures = Postures::of_newcomer([0.2, 1.2], &options);
-        shown(&mut postures, 40, [0.2, 1.2], &options);
-        assert_relative_eq!(postures.size().height.mean_m, 1.2, epsilon = 0.03);
-        assert!(postures.probabilities[STANDING] > 0.9, "{:?}", postures.probabilities);
     }
 
     /// States drawn from the prior, as of somebody whom no camera shows well, change no probability.
