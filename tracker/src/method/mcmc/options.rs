@@ -223,7 +223,7 @@ impl Default for McmcOptions {
             birth_evidence: 0.2,
             deaths_per_s: 0.5,
             unseen_leaves_per_s: 1.0 / 600.0,
-            sits_down_per_s: 1.0 / 120.0,
+            sits_down_per_s: 0.0,
             informed_births: 0.8,
             settling_s: 0.5,
             believed_at_nats: 8.0,

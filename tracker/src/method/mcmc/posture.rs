@@ -339,6 +339,10 @@ mod tests {
 
     const STEP_S: f64 = 0.25;
 
+    fn options() -> McmcOptions {
+        McmcOptions { sits_down_per_s: 1.0 / 30.0, ..McmcOptions::default() }
+    }
+
     fn body([radius_m, height_m]: [f64; 2]) -> Body {
         Body { x_m: 0.0, y_m: 0.0, radius_m, height_m }
     }
@@ -355,7 +359,7 @@ mod tests {
 
     #[test]
     fn who_sits_down_is_as_tall_as_on_the_seat_and_keeps_the_stature() {
-        let options = McmcOptions::default();
+        let options = options();
         let mut postures = Postures::of_newcomer([0.25, 1.8], &options);
         shown(&mut postures, 80, [0.25, 1.8], &options);
         let stature_m = postures.size().height.mean_m;
@@ -371,7 +375,7 @@ mod tests {
     /// States drawn from the prior, as of somebody whom no camera shows well, change no probability.
     #[test]
     fn states_without_information_leave_the_probabilities() {
-        let options = McmcOptions::default();
+        let options = options();
         let mut postures = Postures::of_newcomer([0.25, 1.75], &options);
         postures.set([0.3, 0.6, 0.1]);
         let prior = postures.prior();
@@ -388,7 +392,7 @@ mod tests {
 
     #[test]
     fn people_who_walk_do_not_sit_down() {
-        let options = McmcOptions { sits_down_per_s: 1.0 / 30.0, ..McmcOptions::default() };
+        let options = options();
         let mut postures = Postures::of_newcomer([0.25, 1.75], &options);
         let after = |postures: &mut Postures, speed_m_s: f64| {
             postures.predict(60.0, speed_m_s, &options);

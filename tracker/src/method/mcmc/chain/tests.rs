@@ -194,15 +194,6 @@ fn drawn_by_rejection(
     drawn
 }
 
-/// Prior of a person's size with three modes.
-fn three_postures() -> SizePrior {
-    let mode = |radius_m: f64, height_m: f64| Size {
-        radius: Spread { mean_m: radius_m, sigma_m: 0.03 },
-        height: Spread { mean_m: height_m, sigma_m: 0.05 },
-    };
-    SizePrior::new([0.6, 0.3, 0.1], [mode(0.3, 1.6), mode(0.35, 1.25), mode(0.32, 1.0)])
-}
-
 #[test]
 fn without_masks_the_states_sample_the_prior() {
     assert_states_sample_the_prior(true, [0.03; 3], None, 600_000);
@@ -275,7 +266,10 @@ fn assert_states_sample_the_prior(
     let place = Place::new(Vector2::new(3.0, 2.0), &(Matrix2::identity() * 0.04), 0.35);
     let known = Known {
         place: place.clone(),
-        size: three_postures(),
+        size: SizePrior::of_one(Size {
+            radius: Spread { mean_m: 0.3, sigma_m: 0.03 },
+            height: Spread { mean_m: 1.6, sigma_m: 0.05 },
+        }),
         log_odds,
         fit: elsewhere_per_m2.map(|_| Gaussian::new(Vector2::new(3.1, 2.1), &(Matrix2::identity() * 0.02))),
     };
