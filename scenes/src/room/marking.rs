@@ -4,7 +4,7 @@ use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
 use super::Zone;
-use super::validate::{MOST_CORNERS, name_defect, outline_defect};
+use super::drawing::{MOST_CORNERS, name_defect, outline_defect};
 use crate::polygon::{Polygon, segments_meet};
 
 /// Name that the counts of the whole room have; no region or line may have it.

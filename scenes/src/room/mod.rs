@@ -1,5 +1,6 @@
 //! The room: cameras, zones, regions, lines, floor and geometry, and the directory that holds them.
 
+mod drawing;
 mod geo;
 mod marking;
 mod read;
