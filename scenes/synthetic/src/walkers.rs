@@ -126,14 +126,14 @@ impl Walker {
         let (_, way_m, speed_m_s) = self.trajectory.at_time(time_s)?;
         let height_m = self.body.height_m as f32;
         let pose = BodyPose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, height_m);
-        Some(match self.seated(time_s) {
+        Some(match self.seated_fraction(time_s) {
             share if share > 0.0 => pose.seated(share as f32, height_m),
             _ => pose,
         })
     }
 
-    /// How far the person is seated: 0 standing, 1 on the seat, between while sitting down and rising.
-    fn seated(&self, time_s: f64) -> f64 {
+    /// Fraction of the way from standing (0) to the seat (1); between while the person sits down or rises.
+    fn seated_fraction(&self, time_s: f64) -> f64 {
         /// Time to sit down or to rise, seconds.
         const SITS_DOWN_S: f64 = 1.2;
         let Some((from_s, to_s)) = self.seated_s else { return 0.0 };

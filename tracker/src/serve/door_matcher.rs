@@ -288,7 +288,7 @@ mod tests {
         assert!(matcher.revoke(3) && !matcher.revoke(3));
         matcher.arrive(4, 101.0);
         assert_eq!(matcher.decide(120.0, unknown), [Passage { arrived: 4, departed: None }]);
-        // Where rooms overlap, people appear before they disappear.
+        // In rooms that overlap, people appear in one before they disappear from the other.
         let mut overlapping = DoorMatcher::new(DoorOptions { plausible_s: [-2.0, 1.0] });
         overlapping.arrive(6, 100.0);
         assert_eq!(overlapping.decide(105.9, unknown), []);

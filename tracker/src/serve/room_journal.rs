@@ -1,4 +1,4 @@
-//! What a room's run has to know of the runs before it.
+//! Record of a room's earlier runs that the next run continues: ids, frame numbers and the zero of the times.
 //!
 //! `OUT/service.json` holds the zero of the room's times and the next free id. It is written, and synchronised to the
 //! disk, before an id is used: however a program ends, ids go on above the highest one in any file. To do so seldom, ids

@@ -161,7 +161,7 @@ impl SiteIds {
     fn disappear(&mut self, person: PersonKey, zone: Option<&str>, time_s: f64, now_s: f64) {
         let Some(resident) = self.people.get_mut(&person) else { return };
         resident.gone_s = Some(now_s);
-        // Whoever enters a door's other side from here goes in the other direction than whoever comes in here.
+        // A departure through this side of the door can only match an arrival at the other side: the other direction.
         for (door, direction) in self.entered(person.room, zone) {
             self.matchers[door][1 - direction].depart(person, time_s);
         }

@@ -25,7 +25,7 @@ const COLORS: u32 = 21;
 /// Distance of a frustum's base from the camera, metres.
 const FRUSTUM_M: f64 = 0.5;
 
-/// What the page is told about the room once.
+/// Description of the room that the page fetches once.
 #[derive(Debug, Clone, Default)]
 pub struct RoomPage {
     /// JSON of the description.

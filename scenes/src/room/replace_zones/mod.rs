@@ -226,7 +226,7 @@ fn kind_text(kind: ZoneKind) -> &'static str {
 /// Lines above a table's header, without the last one where that is empty.
 fn comments_above(table: &Table) -> String {
     let above = table.decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or_default();
-    // What follows the last line break is the header's indentation.
+    // Text after the last line break is the header's indentation.
     let mut lines: Vec<&str> = above.split_inclusive('\n').filter(|line| line.ends_with('\n')).collect();
     if lines.last().is_some_and(|line| line.trim().is_empty()) {
         lines.pop();

@@ -1,4 +1,4 @@
-//! What passes between the supervisor and a room's worker: a line of JSON each.
+//! Messages between the supervisor and a room's worker: a line of JSON each.
 
 use std::io::Write;
 

@@ -17,7 +17,7 @@ use crate::cli::{Arguments, Command, flags, run};
 /// Name of the folder of the site's own files, which no room may have.
 const SITE: &str = "site";
 
-/// What a service has to do.
+/// Rooms, outputs and options of a service, checked.
 #[derive(Debug, Clone)]
 pub(super) struct SitePlan {
     /// Folder of all results.
