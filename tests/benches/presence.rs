@@ -36,8 +36,12 @@ fn main() -> StepResult<()> {
         }
     }
     if is_asked("sitting") {
-        let kept = count(first, sitting)?;
-        println!("sitting for ten minutes, half hidden: {kept} of {ROOMS} kept with their id (asked: 19)");
+        for (name, options) in [("as usual", &[][..]), ("with --postures", &["--postures"][..])] {
+            let kept = count(first, |seed| sitting(seed, options))?;
+            println!(
+                "sitting for ten minutes, half hidden, {name}: {kept} of {ROOMS} kept with their id (asked: 19)"
+            );
+        }
     }
     if is_asked("lost") {
         let kept = count(first, lost)?;
@@ -71,7 +75,7 @@ fn hall(seed: u64, people: usize, cameras: usize) -> StepResult<()> {
         WalkerOptions { seed, people, first_s: 1.0, interval_s: 1.0, stops: 6, ..WalkerOptions::default() };
     let sequence = room.sequence(room.walkers(&walkers), options(RATE_HZ, 720));
     let recording = MaskRecording::write(&room, sequence.frames(), |_| false)?;
-    recording.follow(1)?;
+    recording.follow(&[])?;
     let figures = recording.evaluate()?;
     let of = |name: &str| figures[name].as_f64().unwrap_or(f64::NAN);
     println!(
@@ -87,7 +91,7 @@ fn hall(seed: u64, people: usize, cameras: usize) -> StepResult<()> {
 
 /// A person who sits down for ten minutes where only one camera sees the upper half: `true` if the track goes on, with
 /// one id, from before until the person has risen and left.
-fn sitting(seed: u64) -> StepResult<bool> {
+fn sitting(seed: u64, options_of_run: &[&str]) -> StepResult<bool> {
     /// Time at which the person comes in, and that of the stay, seconds.
     const COMES_S: f64 = 2.0;
     const STAYS_S: f64 = 600.0;
@@ -116,7 +120,7 @@ fn sitting(seed: u64) -> StepResult<bool> {
     let sequence = room.sequence(vec![person], options(RATE_HZ, frames));
     let taken = (1..=frames).filter(|frame| frame % every == 1 || walks(f64::from(*frame) / RATE_HZ));
     let recording = MaskRecording::write(&room, taken.map(|frame| sequence.frame(frame)), |_| false)?;
-    recording.follow(1)?;
+    recording.follow(options_of_run)?;
     let (tracks, truth) = (recording.tracks()?, recording.truth()?);
     let outcome = Kept::of(&tracks, &truth, 1);
     println!("  seat {seed}: {outcome:?}");
@@ -177,7 +181,7 @@ fn lost(seed: u64) -> StepResult<bool> {
     let sequence = room.sequence(room.walkers(&walkers), options(RATE_HZ, (18.0 * RATE_HZ) as u32));
     let is_blank = |time_s: f64| (BLANK_S[0]..BLANK_S[1]).contains(&time_s);
     let recording = MaskRecording::write(&room, sequence.frames(), is_blank)?;
-    recording.follow(1)?;
+    recording.follow(&[])?;
     let (tracks, truth) = (recording.tracks()?, recording.truth()?);
     let frame_at = |time_s: f64| (time_s * RATE_HZ) as u32;
     let [before, after] = [frame_at(BLANK_S[0]) - 2, frame_at(BLANK_S[1] + 1.0) + 1];

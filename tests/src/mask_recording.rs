@@ -71,15 +71,15 @@ impl MaskRecording {
         Ok(Self { folder, cameras })
     }
 
-    /// `tracker run` of the masks.
-    pub fn follow(&self, seed: u64) -> StepResult<()> {
+    /// `tracker run` of the masks, with further options.
+    pub fn follow(&self, options: &[&str]) -> StepResult<()> {
         let root = self.folder.path();
         let masks = |name: &String| {
             ["--masks".to_owned(), format!("{name}={}", root.join("masks").join(name).display())]
         };
         let mut command = program("tracker");
         command.arg("run").arg(root).args(self.cameras.iter().flat_map(masks));
-        command.args(["--no-film", "--seed", &seed.to_string(), "--times"]).arg(root.join("times.txt"));
+        command.args(options).args(["--no-film", "--times"]).arg(root.join("times.txt"));
         run(command.arg("--out").arg(self.out())).map(|_| ())
     }
 

@@ -43,6 +43,10 @@ pub(super) struct SamplerArguments {
     /// Acceptance of a proposal.
     #[arg(long, value_enum, value_name = "NAME")]
     acceptance: Option<AcceptanceName>,
+    /// People may sit down and crouch: by masks, a person is followed in each posture, and `height` tells it. Off by
+    /// default, because of two people who come in as one, fewer are told apart
+    #[arg(long)]
+    postures: bool,
     /// Lag of the output, seconds: estimates are smoothed by the observations of that time, which also decide who had
     /// just come in. 0 writes at once [default: 0.4 for recordings, of boxes alone 3, 0 for streams]
     #[arg(long, value_name = "SECONDS")]
@@ -63,6 +67,9 @@ impl SamplerArguments {
 
     /// Options of the sampler for a detector's boxes alone.
     pub(super) fn of_boxes(&self, seed: u64) -> anyhow::Result<McmcOptions> {
+        if self.postures {
+            bail!("--postures: boxes alone tell no posture; add --video or --masks, or leave it out");
+        }
         self.changed(if self.published { McmcOptions::published() } else { McmcOptions::of_boxes() }, seed)
     }
 
@@ -100,6 +107,12 @@ impl SamplerArguments {
             Some(AcceptanceName::Published) => options.acceptance = Acceptance::Published,
             Some(AcceptanceName::ReversibleJump) => options.acceptance = Acceptance::ReversibleJump,
             None => {}
+        }
+        if self.postures {
+            if options.acceptance == Acceptance::Published {
+                bail!("--postures: the published acceptance has no prior of sizes; leave one of both out");
+            }
+            options.sits_down_per_s = McmcOptions::SITS_DOWN_PER_S;
         }
         if let Some(lag) = self.lag {
             if !(0.0..=MOST_LAG_S).contains(&lag) {

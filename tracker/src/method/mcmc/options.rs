@@ -264,6 +264,9 @@ impl McmcOptions {
         }
     }
 
+    /// Rate at which people who stand still sit down where postures are followed, 1/s: every two minutes.
+    pub const SITS_DOWN_PER_S: f64 = 1.0 / 120.0;
+
     /// Largest number of people that are tracked by boxes alone.
     pub const MOST_BY_BOXES: usize = 255;
 

@@ -194,6 +194,15 @@ fn drawn_by_rejection(
     drawn
 }
 
+/// Prior of a person's size with three modes.
+fn three_postures() -> SizePrior {
+    let mode = |radius_m: f64, height_m: f64| Size {
+        radius: Spread { mean_m: radius_m, sigma_m: 0.03 },
+        height: Spread { mean_m: height_m, sigma_m: 0.05 },
+    };
+    SizePrior::new([0.6, 0.3, 0.1], [mode(0.3, 1.6), mode(0.35, 1.25), mode(0.32, 1.0)])
+}
+
 #[test]
 fn without_masks_the_states_sample_the_prior() {
     assert_states_sample_the_prior(true, [0.03; 3], None, 600_000);
@@ -210,7 +219,7 @@ fn without_masks_births_in_openings_are_as_frequent_as_expected() {
 #[test]
 fn without_boxes_the_states_sample_the_prior() {
     // Narrow hotspots mix slowly, so that the means need more steps.
-    assert_states_sample_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 3_000_000);
+    assert_states_sample_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 4_000_000);
 }
 
 /// Compares the chain's states with the prior, for these densities of births (1/m²): in zones or anywhere, at
@@ -266,10 +275,7 @@ fn assert_states_sample_the_prior(
     let place = Place::new(Vector2::new(3.0, 2.0), &(Matrix2::identity() * 0.04), 0.35);
     let known = Known {
         place: place.clone(),
-        size: SizePrior::of_one(Size {
-            radius: Spread { mean_m: 0.3, sigma_m: 0.03 },
-            height: Spread { mean_m: 1.6, sigma_m: 0.05 },
-        }),
+        size: three_postures(),
         log_odds,
         fit: elsewhere_per_m2.map(|_| Gaussian::new(Vector2::new(3.1, 2.1), &(Matrix2::identity() * 0.02))),
     };
