@@ -19,8 +19,6 @@ use crate::{CameraFrame, TrackId};
 
 /// A person counts as detected when the boxes support them by at least this log-likelihood ratio, nats.
 const DETECTED_NATS: f64 = 3.0;
-/// Distance from the exits at which nobody leaves within a moment, metres.
-const FAR_FROM_EXITS_M: f64 = 0.75;
 
 impl Mcmc {
     /// Updates the tracks from the tally: people who are in more than half of the states survive or are born, the
@@ -105,7 +103,6 @@ impl Mcmc {
         if self.may_rescue() && !self.observes_boxes_alone() {
             self.rescue.observe(&self.layers, &self.simulation, &drawn, &self.anywhere, dt_s);
         }
-        self.expect_people(&drawn);
         let rule = self.options.likelihood;
         let nats = |counts: &mut dyn Iterator<Item = Option<Counts>>| {
             let counts = counts.zip(&self.typical_px).enumerate();
@@ -137,41 +134,6 @@ impl Mcmc {
         }
         let existence: Vec<f64> = self.tracks.iter().map(Track::existence).collect();
         self.boxes.learn(&existence);
-    }
-
-    /// Records how many pixels of confirmed people far from all exits each camera sees.
-    fn expect_people(&mut self, drawn: &[Vec<Silhouette>]) {
-        let floor = &self.stage.floor;
-        let is_far_from_exits = |track: &Track| {
-            let body = track.body();
-            let around = [
-                (1.0, 0.0),
-                (0.0, 1.0),
-                (-1.0, 0.0),
-                (0.0, -1.0),
-                (0.7, 0.7),
-                (0.7, -0.7),
-                (-0.7, 0.7),
-                (-0.7, -0.7),
-            ];
-            let mut places = around
-                .iter()
-                .map(|(x, y)| (body.x_m + x * FAR_FROM_EXITS_M, body.y_m + y * FAR_FROM_EXITS_M));
-            !floor.may_disappear(body.x_m, body.y_m) && places.all(|(x, y)| !floor.may_disappear(x, y))
-        };
-        let far: Vec<bool> = self
-            .tracks
-            .iter()
-            .map(|track| !track.is_tentative() && track.in_sight && is_far_from_exits(track))
-            .collect();
-        for camera in 0..self.layers.views().len() {
-            let layer = self.layers.innermost(camera);
-            if self.simulation.in_use(layer) {
-                let seen = drawn.iter().zip(&far).filter(|(_, is_far)| **is_far);
-                self.blackouts
-                    .expect(camera, seen.map(|(silhouettes, _)| silhouettes[layer].visible_px).sum());
-            }
-        }
     }
 
     /// Log repulsion `log R` of each track against the others, nats, as it is weighted where boxes are the only

@@ -21,7 +21,6 @@
 mod appearance;
 mod belief;
 mod births;
-mod blackout;
 mod boxes;
 mod by_boxes;
 mod chain;
@@ -50,7 +49,6 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 use self::births::BirthMap;
-use self::blackout::Blackouts;
 use self::boxes::Boxes;
 use self::left_over::LeftOver;
 pub use self::measured::Measured;
@@ -96,7 +94,6 @@ pub struct Mcmc {
     expected_at: Vec<Vector2<f64>>,
     rescue: Rescue,
     settling: Settling,
-    blackouts: Blackouts,
     left_over: LeftOver,
     simulation: Simulation,
     boxes: Boxes,
@@ -142,7 +139,6 @@ impl Mcmc {
             expected_at: Vec::new(),
             rescue: Rescue::default(),
             settling: Settling::default(),
-            blackouts: Blackouts::default(),
             anywhere,
             tracks: Vec::new(),
             identities: Identities::default(),
@@ -239,11 +235,7 @@ impl Method for Mcmc {
     }
 
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
-        let mut masks = self.packed_masks(moment)?;
-        if self.options.acceptance == Acceptance::ReversibleJump {
-            let views = self.layers.views();
-            self.blackouts.set_aside(moment.time_s, &mut masks, |camera| u32::from(views[camera].block));
-        }
+        let masks = self.packed_masks(moment)?;
         self.simulation.restart(&masks);
         self.boxes.restart(moment.cameras.iter().map(|camera| camera.boxes.as_deref()));
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
