@@ -21,7 +21,8 @@ use crate::raycast::RayScene;
 use shell::canvas::Color;
 
 pub(crate) use gaps::surrounded;
-pub(crate) use surface::{exposure, first_seen};
+pub use surface::exposure;
+pub(crate) use surface::first_seen;
 pub use viewpoint::{birds_eye, extent, look_at};
 
 /// Options of a rendered view.

@@ -27,7 +27,7 @@ pub(crate) struct SurfaceHit {
 
 /// Factor that brings a geometry's colours to the brightness of a well exposed picture, from 1 to 4: vertex colours
 /// baked in a dark room make dark figures.
-pub(crate) fn exposure(geometry: &Geometry) -> f32 {
+pub fn exposure(geometry: &Geometry) -> f32 {
     /// Lower bound of the brightest tenth of a well exposed picture.
     const BRIGHT: f32 = 205.0;
     let brightness = |c: &[u8; 3]| c.iter().copied().max().unwrap_or(0);

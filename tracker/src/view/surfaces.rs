@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
 use scenes::geometry::{Disc, Geometry, Mesh};
+use scenes::view::exposure;
 
 /// Largest number of discs: 720 kB on the page.
 const MOST_DISCS: usize = 60_000;
@@ -16,28 +17,23 @@ const RADIUS_STEP_M: f32 = 0.002;
 /// Largest number of discs that a mesh is sampled with before they are merged.
 const MOST_SAMPLES: f32 = 400_000.0;
 
+/// Radius of a merged disc in sides of its cell: neighbours' middles are up to two sides apart, so that smaller discs leave
+/// holes.
+const COVERS: f32 = 1.2;
+
 /// Bytes of a room's surfaces; `eye` is a place in the room towards which the sides of a mesh's triangles are turned.
 pub(super) fn encode(geometry: &Geometry, eye: Vec3) -> Vec<u8> {
     let discs = match geometry {
         Geometry::Mesh(mesh) => sampled(mesh, eye),
         Geometry::Discs(discs) => discs.clone(),
     };
-    bytes(&brightened(merged(discs)))
-}
-
-/// Discs of which one in ten is nearly white: rooms are often dark in their films.
-fn brightened(mut discs: Vec<Disc>) -> Vec<Disc> {
-    const BRIGHT: f32 = 225.0;
-    const MOST_GAIN: f32 = 4.0;
-    let mut levels: Vec<u8> = discs.iter().map(|disc| disc.color.into_iter().max().unwrap_or(0)).collect();
-    levels.sort_unstable();
-    let level = levels.get(levels.len() * 9 / 10).copied().unwrap_or(0);
-    let gain = (BRIGHT / f32::from(level.max(1))).clamp(1.0, MOST_GAIN);
+    let gain = exposure(geometry);
+    let mut discs = merged(discs);
     for disc in &mut discs {
         // The conversion saturates.
-        disc.color = disc.color.map(|c| (f32::from(c) * gain).round() as u8);
+        disc.color = disc.color.map(|c| (gain * f32::from(c)).round() as u8);
     }
-    discs
+    bytes(&discs)
 }
 
 /// Discs over the triangles of a mesh.
@@ -94,7 +90,7 @@ fn merged(mut discs: Vec<Disc>) -> Vec<Disc> {
         let whole = |(sum, colors, count): (Disc, Vec3, f32)| Disc {
             center: sum.center / count,
             normal: sum.normal.normalize_or(Vec3::Z),
-            radius: sum.radius.max(0.9 * cell_m),
+            radius: sum.radius.max(COVERS * cell_m),
             color: (colors / count).to_array().map(|c| c.round() as u8),
             ..sum
         };
