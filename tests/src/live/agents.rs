@@ -13,8 +13,9 @@ use crate::live::rows::LiveRow;
 use crate::live::run::{LiveRun, Scratch, free_address};
 use crate::network_camera::NetworkCamera;
 
-/// Time for which the cameras show the empty room, seconds: stations start.
-const EMPTY_S: f64 = 4.0;
+/// Time for which the cameras show the empty room, seconds: stations start, which takes longer where nothing has been read
+/// from the disk yet.
+const EMPTY_S: f64 = 8.0;
 /// Frame of the office, from 0, at which one person is inside, and two come in soon…
 pub const FIRST_FRAME: usize = 130;
 /// …and frames in which all three are inside; they are shown to and fro.
