@@ -43,6 +43,17 @@ fn pass_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool) -> Vec<(TrackI
 
 /// The same, but the second person appears at step `from`; they are closest to each other at step 20.
 fn walk_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool, from: usize) -> Vec<(TrackId, TrackId)> {
+    walk_by_with([&[], &[]], colours, confused, pictures, from)
+}
+
+/// The same, with boxes that have these appearance vectors.
+fn walk_by_with(
+    vectors: [&[f32]; 2],
+    colours: [Rgb<u8>; 2],
+    confused: bool,
+    pictures: bool,
+    from: usize,
+) -> Vec<(TrackId, TrackId)> {
     let (view, mut identities) = (view(), Identities::default());
     let mut asked = Vec::new();
     for step in 0..=40_usize {
@@ -50,13 +61,21 @@ fn walk_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool, from: usize) -
         let (first, second) = (at(x, 0.2), at(-x, -0.2));
         let there = if step < from { 1 } else { 2 };
         let frame = picture(&view, &[(first, colours[0]), (second, colours[1])][..there]);
-        let mut named = [(TrackId(1), first), (TrackId(2), second)];
+        let shown = [(first, vectors[0]), (second, vectors[1])].map(|(body, vector)| {
+            let mut mean = MeanVector::default();
+            (0..3).for_each(|_| mean.add_box(vector));
+            (body, mean)
+        });
+        let mut named = [1, 2].map(|id| (TrackId(id), shown[id as usize - 1].clone()));
         // Ids are exchanged back as soon as that is requested.
         if confused && x > 0.0 && asked.is_empty() {
+            let [first, second] = shown;
             (named[0].1, named[1].1) = (second, first);
         }
         let frame = CameraFrame { colours: frame.colours.filter(|_| pictures), ..frame };
-        asked.extend(identities.observe(&[frame], std::slice::from_ref(&view), &named[..there]));
+        let named = named.map(|(id, (body, vector))| NamedPerson { id, body, vector });
+        let time_s = step as f64 / 10.0;
+        asked.extend(identities.observe(&[frame], std::slice::from_ref(&view), &named[..there], time_s));
     }
     asked
 }
@@ -76,6 +95,23 @@ fn somebody_who_appears_beside_another_does_not_keep_their_name() {
     assert_eq!(walk_by([RED, BLUE], true, true, 20), [(TrackId(1), TrackId(2))]);
     assert_eq!(walk_by([RED, BLUE], false, true, 20), []);
     assert_eq!(walk_by([RED, RED], true, true, 20), []);
+}
+
+#[test]
+fn vectors_give_names_back_without_pictures() {
+    let (here, there): (&[f32], &[f32]) = (&[1.0, 0.2, 0.1], &[0.4, 1.0, 0.0]);
+    let exchanged = [(TrackId(1), TrackId(2))];
+    assert_eq!(walk_by_with([here, there], [RED, RED], true, false, 0), exchanged);
+    assert_eq!(walk_by_with([here, there], [RED, RED], false, false, 0), []);
+    assert_eq!(walk_by_with([here, there], [RED, RED], true, false, 20), exchanged, "never seen apart");
+    assert_eq!(walk_by_with([here, here], [RED, RED], true, false, 0), [], "they look alike");
+}
+
+#[test]
+fn colours_and_vectors_decide_together() {
+    let (here, like_here): (&[f32], &[f32]) = (&[1.0, 0.2, 0.1], &[1.0, 0.25, 0.1]);
+    assert_eq!(walk_by_with([here, like_here], [RED, BLUE], true, true, 0), [(TrackId(1), TrackId(2))]);
+    assert_eq!(walk_by_with([here, like_here], [RED, BLUE], false, true, 0), []);
 }
 
 #[test]

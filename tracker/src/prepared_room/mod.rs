@@ -281,6 +281,7 @@ impl PreparedCamera {
                 is_cut(right, f64::from(k.width)),
                 is_cut(bottom, f64::from(k.height)),
             ],
+            appearance: None,
         }
     }
 }

@@ -16,6 +16,8 @@ mod daily_outputs;
 mod day;
 mod door_matcher;
 #[cfg(test)]
+mod midnight_tests;
+#[cfg(test)]
 mod passage_tests;
 mod room_journal;
 mod site_files;

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
@@ -16,12 +17,22 @@ const LEAST_COLUMNS: usize = 6;
 /// Largest frame number: 46 days at 25 frames a second. Larger ones are times, or another column.
 const LAST_FRAME: f64 = 1e8;
 
+/// Box of a detector, as its row gives it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DetectedBox {
+    /// Box in pixels of what the camera films.
+    pub pixels: PixelBox,
+    /// Numbers after the tenth column; `None` without any.
+    pub appearance: Option<Arc<[f32]>>,
+}
+
 /// One camera's boxes, frame by frame, in pixels of what the camera films.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DetectorBoxes {
     path: PathBuf,
-    by_frame: BTreeMap<u32, Vec<PixelBox>>,
+    by_frame: BTreeMap<u32, Vec<DetectedBox>>,
     frames: u32,
+    vector_length: usize,
 }
 
 impl DetectorBoxes {
@@ -36,28 +47,29 @@ impl DetectorBoxes {
 
     /// [`Self::read`] from text; `path` is only for messages.
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
-        let mut by_frame: BTreeMap<u32, Vec<PixelBox>> = BTreeMap::new();
-        let mut appearance = None;
+        let mut by_frame: BTreeMap<u32, Vec<DetectedBox>> = BTreeMap::new();
+        let mut vector_length = None;
         for (index, content) in text.lines().enumerate() {
             let content = content.trim().trim_start_matches('\u{feff}');
             if content.is_empty() || content.starts_with('#') {
                 continue;
             }
             let refuse = |problem: String| Error::content(path, format!("line {}", index + 1), problem);
-            let (frame, pixel_box, length) = parse_row(content).map_err(refuse)?;
-            match appearance {
+            let (frame, detected) = parse_row(content).map_err(refuse)?;
+            let length = detected.appearance.as_ref().map_or(0, |vector| vector.len());
+            match vector_length {
                 Some(before) if before != length => {
                     return Err(refuse(format!(
                         "has {length} appearance values after the tenth column, but the rows before have {before}; give \
                          all rows the same number"
                     )));
                 }
-                _ => appearance = Some(length),
+                _ => vector_length = Some(length),
             }
-            by_frame.entry(frame).or_default().push(pixel_box);
+            by_frame.entry(frame).or_default().push(detected);
         }
         let frames = by_frame.last_key_value().map_or(0, |(frame, _)| *frame);
-        Ok(Self { path: path.to_owned(), by_frame, frames })
+        Ok(Self { path: path.to_owned(), by_frame, frames, vector_length: vector_length.unwrap_or(0) })
     }
 
     /// File that the boxes were read from.
@@ -70,30 +82,37 @@ impl DetectorBoxes {
         self.frames
     }
 
+    /// Length of the appearance vectors; 0 without any.
+    pub fn vector_length(&self) -> usize {
+        self.vector_length
+    }
+
     /// Makes the frames at least so many: a detector finds nobody in the last ones.
     pub fn extend_to(&mut self, frames: u32) {
         self.frames = self.frames.max(frames);
     }
 
     /// The boxes of a frame, from 1.
-    pub fn of(&self, frame: u64) -> &[PixelBox] {
+    pub fn of(&self, frame: u64) -> &[DetectedBox] {
         let boxes = u32::try_from(frame).ok().and_then(|frame| self.by_frame.get(&frame));
         boxes.map_or(&[], Vec::as_slice)
     }
 }
 
-/// Frame, box, and length of the appearance vector of one row.
-fn parse_row(content: &str) -> std::result::Result<(u32, PixelBox, usize), String> {
+/// Frame and box of one row.
+fn parse_row(content: &str) -> std::result::Result<(u32, DetectedBox), String> {
     let mut values = [0.0; COLUMNS.len()];
     let mut count = 0;
+    let mut vector: Vec<f32> = Vec::new();
     for text in content.split(',').map(str::trim) {
         let name = || COLUMNS.get(count).map_or_else(|| format!("column {}", count + 1), |c| (*c).to_owned());
         let value: f64 = text.parse().map_err(|_| format!("{} is `{text}`, which is no number", name()))?;
         if !value.is_finite() {
             return Err(format!("{} is {text}; only finite numbers can be used", name()));
         }
-        if let Some(column) = values.get_mut(count) {
-            *column = value;
+        match values.get_mut(count) {
+            Some(column) => *column = value,
+            None => vector.push(value as f32),
         }
         count += 1;
     }
@@ -107,8 +126,8 @@ fn parse_row(content: &str) -> std::result::Result<(u32, PixelBox, usize), Strin
     if !(width > 0.0 && height > 0.0) {
         return Err(format!("the box is {width} × {height} pixels; give a width and a height above 0"));
     }
-    let pixel_box = PixelBox { left, top, width, height };
-    Ok((frame as u32, pixel_box, count.saturating_sub(COLUMNS.len())))
+    let appearance = (!vector.is_empty()).then(|| vector.into());
+    Ok((frame as u32, DetectedBox { pixels: PixelBox { left, top, width, height }, appearance }))
 }
 
 #[cfg(test)]
@@ -126,9 +145,12 @@ mod tests {
             (found.frame_count(), found.of(1).len(), found.of(2).len(), found.of(3).len()),
             (2, 1, 2, 0)
         );
-        assert_eq!(found.of(1)[0], PixelBox { left: 5.0, top: 6.0, width: 7.0, height: 8.0 });
+        assert_eq!(found.of(1)[0].pixels, PixelBox { left: 5.0, top: 6.0, width: 7.0, height: 8.0 });
+        assert_eq!((found.of(1)[0].appearance.clone(), found.vector_length()), (None, 0));
         let reid = "1,-1,1,2,3,4,0.9,-1,-1,-1,0.5,0.1\n1,-1,1,2,3,4,0.9,-1,-1,-1,0.2,0.7\n";
-        assert_eq!(parse(reid).unwrap().of(1).len(), 2);
+        let reid = parse(reid).unwrap();
+        assert_eq!((reid.of(1).len(), reid.vector_length()), (2, 2));
+        assert_eq!(reid.of(1)[1].appearance.as_deref(), Some(&[0.2, 0.7][..]));
         let mut nobody = parse("").unwrap();
         nobody.extend_to(5);
         assert_eq!((nobody.frame_count(), nobody.of(5).len()), (5, 0));

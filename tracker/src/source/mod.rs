@@ -14,7 +14,7 @@ use scenes::room::{Room, RoomCamera};
 
 pub use arrival::{ArrivalClock, utc_s};
 pub use capture_times::CaptureTimes;
-pub use detector_boxes::DetectorBoxes;
+pub use detector_boxes::{DetectedBox, DetectorBoxes};
 pub use times::Times;
 
 use crate::{Error, Result};
@@ -147,6 +147,7 @@ pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
     }
     // A detector may find nobody in one camera while others show people.
     let detected = || sources.iter().filter_map(|source| source.detections.as_ref());
+    check_vector_lengths(detected().filter(|boxes| boxes.frame_count() > 0))?;
     let frames = detected().map(DetectorBoxes::frame_count).max().unwrap_or(0);
     if frames == 0 && sources.iter().all(|source| source.video.is_none() && source.masks.is_none()) {
         let paths: Vec<String> = detected().map(|boxes| boxes.path().display().to_string()).collect();
@@ -162,6 +163,24 @@ pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
         source.detections.iter_mut().for_each(|detections| detections.extend_to(frames));
     }
     Ok(sources)
+}
+
+/// Refuses appearance vectors of different lengths: they are of different networks and cannot be compared.
+fn check_vector_lengths<'a>(mut detected: impl Iterator<Item = &'a DetectorBoxes>) -> Result<()> {
+    let Some(first) = detected.next() else { return Ok(()) };
+    match detected.find(|boxes| boxes.vector_length() != first.vector_length()) {
+        Some(other) => Err(Error::option(
+            "detections",
+            format!(
+                "{} has {} appearance values after the tenth column, {} has {}; give all cameras the same network's",
+                first.path().display(),
+                first.vector_length(),
+                other.path().display(),
+                other.vector_length()
+            ),
+        )),
+        None => Ok(()),
+    }
 }
 
 fn written(source: &NamedSource) -> String {

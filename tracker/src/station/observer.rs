@@ -9,10 +9,10 @@ use image::{GrayImage, RgbImage};
 use crate::foreground::health::{self, Health};
 use crate::foreground::{Foreground, Verdict};
 use crate::method::Needs;
-use crate::observation::{Colours, Feedback, Mask, Observation};
+use crate::observation::{Colours, Feedback, Mask, Observation, PersonBox};
 use crate::prepared_room::{PreparedCamera, PreparedRoom, resolution};
 use crate::silhouette::{Body, Silhouette, View};
-use crate::tracks::rows::PixelBox;
+use crate::source::DetectedBox;
 use crate::{Error, Result};
 
 /// Largest fraction of foreground in a usable ready-made mask.
@@ -59,7 +59,7 @@ pub struct FrameInput<'a> {
     /// Ready-made mask, of the same size.
     pub mask: Option<&'a RgbImage>,
     /// A detector's boxes, in pixels of what the camera films.
-    pub boxes: Option<&'a [PixelBox]>,
+    pub boxes: Option<&'a [DetectedBox]>,
 }
 
 /// Makes the observations of one camera, frame by frame.
@@ -153,8 +153,11 @@ impl Observer {
         };
         let mut observation = Observation::unusable(sequence, time_s, health);
         if !matches!(health, Verdict::Frozen | Verdict::Dark | Verdict::Lost) {
-            observation.boxes =
-                boxes.map(|boxes| boxes.iter().map(|b| self.camera.to_pinhole_box(b)).collect());
+            let in_pinhole = |detected: &DetectedBox| PersonBox {
+                appearance: detected.appearance.clone(),
+                ..self.camera.to_pinhole_box(&detected.pixels)
+            };
+            observation.boxes = boxes.map(|boxes| boxes.iter().map(in_pinhole).collect());
         }
         if health != Verdict::Usable {
             return Ok(Observed { observation, pinhole: None });

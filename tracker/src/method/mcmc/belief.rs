@@ -11,6 +11,7 @@ use super::reassociation::reassociate;
 use super::rescue::is_person_shown;
 use super::tally::{Sums, Tally};
 use super::track::{BirthPhase, Track};
+use crate::identity::NamedPerson;
 use crate::likelihood::Counts;
 use crate::likelihood::prior::log_separation;
 use crate::silhouette::visibility::visible_fractions;
@@ -134,6 +135,9 @@ impl Mcmc {
         }
         let existence: Vec<f64> = self.tracks.iter().map(Track::existence).collect();
         self.boxes.learn(&existence);
+        for (track, vector) in self.tracks.iter_mut().zip(self.boxes.vectors()) {
+            track.learn_traits(vector);
+        }
     }
 
     /// Log repulsion `log R` of each track against the others, nats, as it is weighted where boxes are the only
@@ -160,15 +164,21 @@ impl Mcmc {
             let [of_a, of_b] = exchange.motions;
             // The tracks now have each other's keys.
             (self.tracks[b].motion, self.tracks[a].motion) = (of_a, of_b);
-            [self.tracks[b].learnt_height, self.tracks[a].learnt_height] = exchange.heights;
+            if let (Some(a), Some(b)) = (self.tracks[a].id, self.tracks[b].id) {
+                self.identities.exchange(a, b);
+            }
+            [self.tracks[b].learnt, self.tracks[a].learnt] = exchange.learnt;
         }
     }
 
     /// Re-identifies tracks whose people exchanged ids in an encounter: swaps ids and sizes back.
-    pub(super) fn reidentify(&mut self, cameras: &[CameraFrame]) {
-        let named: Vec<(TrackId, Body)> =
-            self.tracks.iter().filter_map(|track| Some((track.id?, track.body()))).collect();
-        for (a, b) in self.identities.observe(cameras, self.layers.views(), &named) {
+    pub(super) fn reidentify(&mut self, cameras: &[CameraFrame], time_s: f64) {
+        let named = self.tracks.iter().filter_map(|track| {
+            let vector = track.shown.vector.clone();
+            Some(NamedPerson { id: track.id?, body: track.body(), vector })
+        });
+        let named: Vec<NamedPerson> = named.collect();
+        for (a, b) in self.identities.observe(cameras, self.layers.views(), &named, time_s) {
             let of = |id: TrackId| self.tracks.iter().position(|track| track.id == Some(id));
             if let (Some(a), Some(b)) = (of(a), of(b)) {
                 let (left, right) = self.tracks.split_at_mut(a.max(b));

@@ -43,6 +43,7 @@ mod smoother;
 mod tally;
 mod trace;
 mod track;
+mod traits;
 
 use nalgebra::{Point2, Vector2};
 use rand::SeedableRng;
@@ -259,7 +260,7 @@ impl Method for Mcmc {
         let tally = self.sample(people, dt_s, settling);
         self.update_tracks(&tally, found);
         self.update_existence(&masks, dt_s);
-        self.reidentify(moment.cameras);
+        self.reidentify(moment.cameras, moment.time_s);
         let (now, traces) = ((moment.frame, moment.time_s), self.traces());
         if self.observes_boxes_alone() {
             self.smoother.push(now, self.options.lag_s.max(WINDOW_S), traces, true);

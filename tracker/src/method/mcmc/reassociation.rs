@@ -2,13 +2,15 @@
 //!
 //! The sampler associates each moment's boxes by the predictions of that moment. Two people who pass each other within
 //! the boxes' noise can exchange their tracks there, and only the following moments show it: one of the two would have
-//! turned, or grown. For each pair of tracks that were close within the last [`WINDOW_S`] seconds, this module
+//! turned, grown, or changed clothes. For each pair of tracks that were close within the last [`WINDOW_S`] seconds, this module
 //! compares the two assignments of the measurements since some moment s to the tracks before s:
 //!
 //! ```text
 //! log p(own) − log p(exchanged) = Σ over both tracks, moments after s:  log N(measured place; predicted by the head's filter)
-//!                                 + log N(mean height since s; mean height until s)
+//!                                 + log p(traits since s | traits until s)
 //! ```
+//!
+//! with the traits of [`exchange_nats`]: the height, and the appearance vectors of a detector that gives them.
 //!
 //! It is the switch move of S. Oh, S. Russell, S. Sastry, "Markov chain Monte Carlo data association for multi-target
 //! tracking", IEEE TAC 54(3), 2009, over a sliding window, accepted where it is clearly more probable. The filters of an
@@ -17,12 +19,12 @@
 use std::collections::VecDeque;
 
 use super::LEAST_STEP_S;
-use super::learnt_height::LearntHeight;
 use super::motion::Motion;
 use super::options::McmcOptions;
 use super::person::Key;
 use super::smoother::LaggedMoment;
 use super::trace::Trace;
+use super::traits::{LearntTraits, exchange_nats};
 
 /// Time for which an exchange can be undone, seconds.
 pub(super) const WINDOW_S: f64 = 3.0;
@@ -41,8 +43,8 @@ pub(super) struct Exchange {
     pub(super) keys: [Key; 2],
     /// Present motions of the two, with each other's measurements since the exchange.
     pub(super) motions: [Motion; 2],
-    /// Learnt heights of the two, likewise.
-    pub(super) heights: [LearntHeight; 2],
+    /// Learnt traits of the two, likewise.
+    pub(super) learnt: [LearntTraits; 2],
 }
 
 /// Successive moments in which both tracks of a pair are present, with their times in seconds.
@@ -91,25 +93,29 @@ impl<'a> Pair<'a> {
     /// Log probability ratio of an exchange after the moment `from`, nats.
     fn gain(&self, from: usize) -> f64 {
         let mut own = 0.0;
-        let mut tails = [LearntHeight::default(); 2];
+        let mut since = <[LearntTraits; 2]>::default();
         for (_, pair) in &self.moments[from + 1..] {
-            for (tail, trace) in tails.iter_mut().zip(pair) {
+            for (since, trace) in since.iter_mut().zip(pair) {
                 own += trace.motion.log_evidence;
-                trace.height_seen.iter().for_each(|seen| tail.add(seen));
+                since.add(&trace.shown);
             }
         }
-        let heads = self.moments[from].1;
-        let prior = &self.options.height;
-        let height = |tail: usize, head: usize| tails[tail].log_density(&heads[head].learnt_height, prior);
-        let by_heights = height(0, 1) + height(1, 0) - height(0, 0) - height(1, 1);
-        PLACES_WEIGHT * (self.exchanged(from, |_| ()) - own) + by_heights
+        let before = self.moments[from].1.map(|head| &head.learnt);
+        let by_traits = exchange_nats(before, since.each_ref(), &self.options.height);
+        PLACES_WEIGHT * (self.exchanged(from, |_| ()) - own) + by_traits
     }
 
     /// Best moment for an exchange, with its gain.
     fn best(&self) -> Option<(usize, f64)> {
+        let now = self.moments.last()?.1;
+        // Names that were exchanged since then were exchanged for what was seen since then.
+        let has_its_name =
+            |(then, now): (&Trace, &Trace)| then.id.is_none_or(|id| now.id.is_none_or(|now| now == id));
         let is_close = |i: &usize| {
             let [a, b] = self.moments[*i].1;
             (a.motion.place() - b.motion.place()).norm() < MET_M
+                && has_its_name((a, now[0]))
+                && has_its_name((b, now[1]))
         };
         let close: Vec<usize> = (0..self.moments.len().saturating_sub(1)).filter(is_close).collect();
         let every = close.len().div_ceil(MOST_PLACES).max(1);
@@ -153,7 +159,7 @@ fn exchange(
     let pair = Pair::latest(moments, keys, f64::NEG_INFINITY, options);
     let from = pair.moments.len().checked_sub(back)?;
     pair.exchanged(from, |both| motions.push(both.clone()));
-    let mut heights = pair.moments[from].1.map(|head| head.learnt_height);
+    let mut learnt = pair.moments[from].1.map(|head| head.learnt.clone());
     let first = moments.len() + 1 - back;
     for (moment, both) in moments.iter_mut().skip(first).zip(&motions) {
         let of = |key: Key| moment.people.iter().position(|trace| trace.key == key);
@@ -163,11 +169,11 @@ fn exchange(
             let trace = &mut moment.people[at];
             (trace.key, trace.id) = names[name];
             trace.motion = both[name].clone();
-            trace.height_seen.iter().for_each(|seen| heights[name].add(seen));
-            trace.learnt_height = heights[name];
+            learnt[name].add(&trace.shown);
+            trace.learnt = learnt[name].clone();
         }
     }
-    Some(Exchange { keys, motions: motions.pop()?, heights })
+    Some(Exchange { keys, motions: motions.pop()?, learnt })
 }
 
 #[cfg(test)]
@@ -177,6 +183,7 @@ mod tests {
     use super::super::motion::Measurement;
     use super::super::options::Spread;
     use super::super::smoother::FixedLagSmoother;
+    use super::super::traits::ShownTraits;
     use super::*;
     use crate::TrackId;
 
@@ -187,46 +194,53 @@ mod tests {
     /// Lag, seconds: all moments are held.
     const LAG_S: f64 = 10.0;
 
-    /// Two people at a moment: places, metres, and heights, metres.
-    type People = [(Vector2<f64>, f64); 2];
+    /// A person at a moment: place and height, metres, and appearance vector.
+    type Person = (Vector2<f64>, f64, [f32; 2]);
+    /// Appearance vectors of two people who look alike, and of two who do not.
+    const ALIKE: [[f32; 2]; 2] = [[1.0, 0.2], [1.0, 0.1]];
+    const DIFFERENT: [[f32; 2]; 2] = [[1.0, 0.2], [0.3, 1.0]];
 
     /// Two people who pass each other at 1 m/s each, or who meet and turn back.
-    fn people(moment: usize, is_turning: bool, heights_m: [f64; 2]) -> People {
+    fn people(moment: usize, is_turning: bool, heights_m: [f64; 2], vectors: [[f32; 2]; 2]) -> [Person; 2] {
         let ahead_m = STEP_S * (moment as f64 - EXCHANGED as f64 + 0.5);
         let x_m = if is_turning { -ahead_m.abs() } else { ahead_m };
-        [(Vector2::new(3.0 + x_m, 2.05), heights_m[0]), (Vector2::new(3.0 - x_m, 1.95), heights_m[1])]
+        let places = [Vector2::new(3.0 + x_m, 2.05), Vector2::new(3.0 - x_m, 1.95)];
+        [0, 1].map(|i| (places[i], heights_m[i], vectors[i]))
     }
 
     /// Held moments of two tracks that follow these people up to [`EXCHANGED`], and each other's from then on.
-    fn exchanged_tracks(is_turning: bool, heights_m: [f64; 2]) -> FixedLagSmoother {
+    fn exchanged_tracks(is_turning: bool, heights_m: [f64; 2], vectors: [[f32; 2]; 2]) -> FixedLagSmoother {
         let options = McmcOptions::of_boxes();
         let mut smoother = FixedLagSmoother::default();
         let covariance = Matrix2::identity() * 0.05_f64.powi(2);
-        let mut tracks: Option<[(Motion, LearntHeight); 2]> = None;
+        let mut tracks: Option<[(Motion, LearntTraits); 2]> = None;
         for moment in 0..MOMENTS {
-            let mut seen = people(moment, is_turning, heights_m);
+            let mut seen = people(moment, is_turning, heights_m, vectors);
             if moment >= EXCHANGED {
                 seen.swap(0, 1);
             }
             let before = tracks.take();
             let now = [0, 1].map(|i| {
-                let (place, height_m) = seen[i];
+                let (place, height_m, vector) = seen[i];
                 let measured = Measurement { place, covariance };
                 let (motion, mut learnt) = match &before {
                     None => {
                         let motion = Motion::appeared(place, &covariance, &options.motion);
-                        (motion, LearntHeight::default())
+                        (motion, LearntTraits::default())
                     }
                     Some(tracks) => {
                         let (motion, learnt) = &tracks[i];
-                        (motion.continued(STEP_S, true, Some(&measured), &options.motion), *learnt)
+                        (motion.continued(STEP_S, true, Some(&measured), &options.motion), learnt.clone())
                     }
                 };
-                let height_seen = Spread { mean_m: height_m, sigma_m: 0.04 };
-                learnt.add(&height_seen);
-                (motion, learnt, height_seen)
+                let height = Some(Spread { mean_m: height_m, sigma_m: 0.04 });
+                let mut shown = ShownTraits { height, ..ShownTraits::default() };
+                // As three cameras see the person.
+                (0..3).for_each(|_| shown.vector.add_box(&vector));
+                learnt.add(&shown);
+                (motion, learnt, shown)
             });
-            let traces = now.iter().enumerate().map(|(i, (motion, learnt, height_seen))| Trace {
+            let traces = now.iter().enumerate().map(|(i, (motion, learnt, shown))| Trace {
                 key: i as Key,
                 id: Some(TrackId(i as u32 + 1)),
                 motion: motion.clone(),
@@ -234,8 +248,8 @@ mod tests {
                 height_m: 1.7,
                 confidence: 1.0,
                 visible: vec![1.0],
-                height_seen: Some(*height_seen),
-                learnt_height: *learnt,
+                shown: shown.clone(),
+                learnt: learnt.clone(),
             });
             smoother.push((moment as u32, moment as f64 * STEP_S), LAG_S, traces.collect(), true);
             tracks = Some(now.map(|(motion, learnt, _)| (motion, learnt)));
@@ -246,7 +260,7 @@ mod tests {
     /// Largest distance of a told person from the person with this id, metres, over all moments.
     fn largest_error_m(smoother: &mut FixedLagSmoother, is_turning: bool) -> f64 {
         let of_moment = |moment: usize| {
-            let truth = people(moment, is_turning, [0.0; 2]);
+            let truth = people(moment, is_turning, [0.0; 2], ALIKE);
             let told = smoother.take(moment as u32).unwrap();
             assert_eq!(told.len(), 2);
             told.iter()
@@ -259,7 +273,7 @@ mod tests {
     #[test]
     fn people_who_pass_each_other_get_their_tracks_back_in_all_held_moments() {
         let options = McmcOptions::of_boxes();
-        let mut smoother = exchanged_tracks(false, [1.7; 2]);
+        let mut smoother = exchanged_tracks(false, [1.7; 2], ALIKE);
         assert!(largest_error_m(&mut smoother.clone(), false) > 1.0);
         let exchanges = reassociate(&mut smoother.moments, &options);
         assert_eq!(exchanges.len(), 1);
@@ -271,10 +285,28 @@ mod tests {
     fn people_of_different_height_who_turn_back_are_told_apart_by_it() {
         let options = McmcOptions::of_boxes();
         // By the places alone they passed each other, which is how the exchanged tracks continue.
-        let mut alike = exchanged_tracks(true, [1.7; 2]);
+        let mut alike = exchanged_tracks(true, [1.7; 2], ALIKE);
         assert!(reassociate(&mut alike.moments, &options).is_empty());
-        let mut different = exchanged_tracks(true, [1.85, 1.6]);
+        let mut different = exchanged_tracks(true, [1.85, 1.6], ALIKE);
         assert_eq!(reassociate(&mut different.moments, &options).len(), 1);
         assert!(largest_error_m(&mut different, true) < 0.4);
+    }
+
+    #[test]
+    fn people_of_different_appearance_who_turn_back_are_told_apart_by_their_vectors() {
+        let options = McmcOptions::of_boxes();
+        let mut different = exchanged_tracks(true, [1.7; 2], DIFFERENT);
+        assert_eq!(reassociate(&mut different.moments, &options).len(), 1);
+        assert!(largest_error_m(&mut different, true) < 0.4);
+    }
+
+    #[test]
+    fn moments_before_an_exchange_of_names_are_left_alone() {
+        let options = McmcOptions::of_boxes();
+        let mut smoother = exchanged_tracks(true, [1.7; 2], DIFFERENT);
+        let last = smoother.moments.back_mut().unwrap();
+        let [a, b] = &mut last.people[..] else { panic!("two people") };
+        std::mem::swap(&mut a.id, &mut b.id);
+        assert!(reassociate(&mut smoother.moments, &options).is_empty());
     }
 }

@@ -20,8 +20,8 @@ impl Mcmc {
             height_m: track.postures.size().height.mean_m,
             confidence: track.presence(),
             visible,
-            height_seen: track.height_seen,
-            learnt_height: track.learnt_height,
+            shown: track.shown.clone(),
+            learnt: track.learnt.clone(),
         };
         self.tracks.iter().zip(visible).map(trace).collect()
     }

@@ -105,10 +105,10 @@ fn rts_step(earlier: &Trace, later: &Trace, known: &Belief) -> Belief {
 
 #[cfg(test)]
 mod tests {
-    use super::super::learnt_height::LearntHeight;
     use super::super::motion::Motion;
     use super::super::options::MotionOptions;
     use super::super::trace::LASTING_SIGMA_M;
+    use super::super::traits::{LearntTraits, ShownTraits};
     use super::*;
     use crate::TrackId;
     use approx::assert_relative_eq;
@@ -125,8 +125,8 @@ mod tests {
             height_m: 1.7,
             confidence,
             visible: vec![1.0],
-            height_seen: None,
-            learnt_height: LearntHeight::default(),
+            shown: ShownTraits::default(),
+            learnt: LearntTraits::default(),
         }
     }
 

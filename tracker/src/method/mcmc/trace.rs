@@ -1,9 +1,8 @@
 //! One track at one moment, and the estimate reported for it.
 
-use super::learnt_height::LearntHeight;
 use super::motion::{Belief, Motion};
-use super::options::Spread;
 use super::person::Key;
+use super::traits::{LearntTraits, ShownTraits};
 use crate::{PersonEstimate, TrackId};
 
 /// Standard deviation of the silhouette's slowly varying offset from the person's position, metres: posture and the
@@ -20,10 +19,10 @@ pub(super) struct Trace {
     pub(super) height_m: f64,
     pub(super) confidence: f64,
     pub(super) visible: Vec<f64>,
-    /// Height by this moment's boxes alone; `None` where they did not measure it.
-    pub(super) height_seen: Option<Spread>,
-    /// Average of these heights up to this moment.
-    pub(super) learnt_height: LearntHeight,
+    /// Traits that this moment's boxes showed.
+    pub(super) shown: ShownTraits,
+    /// Average of these traits up to this moment.
+    pub(super) learnt: LearntTraits,
 }
 
 impl Trace {

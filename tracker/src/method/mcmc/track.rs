@@ -4,15 +4,16 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::boxes::BoxMeasurement;
 use super::evidence::Evidence;
-use super::learnt_height::LearntHeight;
 use super::motion::Motion;
-use super::options::{McmcOptions, Spread};
+use super::options::McmcOptions;
 use super::outage::OUTAGE_S;
 use super::passage::Passage;
 use super::person::{Key, Known, Place};
 use super::posture::{Postures, Size};
 use super::tally::Sums;
+use super::traits::{LearntTraits, ShownTraits};
 use crate::TrackId;
+use crate::identity::mean_vector::MeanVector;
 use crate::silhouette::Body;
 
 /// Bound of the absolute log odds of existence, nats.
@@ -94,10 +95,10 @@ pub(super) struct Track {
     stayed: f64,
     /// Time for which the cameras have shown an average person there, seconds; `None` if not at the last moment.
     upright_s: Option<f64>,
-    /// Height by the last moment's boxes alone; `None` where they did not measure it.
-    pub(super) height_seen: Option<Spread>,
-    /// Average of these heights.
-    pub(super) learnt_height: LearntHeight,
+    /// Traits that the last moment's boxes showed.
+    pub(super) shown: ShownTraits,
+    /// Average of these traits.
+    pub(super) learnt: LearntTraits,
 }
 
 impl Track {
@@ -119,15 +120,15 @@ impl Track {
             passage: None,
             stayed: 1.0,
             upright_s: None,
-            height_seen: None,
-            learnt_height: LearntHeight::default(),
+            shown: ShownTraits::default(),
+            learnt: LearntTraits::default(),
         }
     }
 
     /// Predicts motion and size `dt_s` seconds ahead.
     pub(super) fn predict(&mut self, dt_s: f64, options: &McmcOptions) {
         let in_sight = self.in_sight && dt_s < OUTAGE_S;
-        self.height_seen = None;
+        self.shown = ShownTraits::default();
         self.motion.predict(dt_s, in_sight, &options.motion);
         self.postures.predict(dt_s, self.motion.belief.velocity().norm(), options);
     }
@@ -164,8 +165,13 @@ impl Track {
 
     fn take_size(&mut self, shown: &BoxMeasurement) {
         *self.postures.stature_mut() = Size { radius: shown.radius, height: shown.height };
-        self.height_seen = shown.height_seen;
-        shown.height_seen.iter().for_each(|seen| self.learnt_height.add(seen));
+        self.shown.height = shown.height_seen;
+    }
+
+    /// Adds the vectors of the moment's boxes to the traits it showed, and learns these traits.
+    pub(super) fn learn_traits(&mut self, vector: MeanVector) {
+        self.shown.vector = vector;
+        self.learnt.add(&self.shown);
     }
 
     /// Multiplies the probability of existence by the probability of not having left unseen.
@@ -228,11 +234,11 @@ impl Track {
         self.id.is_none() || self.is_doubted || self.contradicted_s > CONTRADICTED_FOR_S
     }
 
-    /// Exchanges with another track what belongs to the person rather than to the place: id and standing size.
+    /// Exchanges with another track what belongs to the person rather than to the place: id, standing size and traits.
     pub(super) fn exchange_names(&mut self, other: &mut Self) {
         std::mem::swap(&mut self.id, &mut other.id);
         std::mem::swap(self.postures.stature_mut(), other.postures.stature_mut());
-        std::mem::swap(&mut self.learnt_height, &mut other.learnt_height);
+        std::mem::swap(&mut self.learnt, &mut other.learnt);
     }
 
     /// Probability of existence by the cameras' evidence; leaving unseen is part of [`Self::presence`].

@@ -23,18 +23,29 @@ mod proposals;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
+
 use self::camera::{BoxCamera, POINTS};
 use self::detector::{Detected, Detector};
 use self::in_camera::InCamera;
 pub(super) use self::measurement::BoxMeasurement;
 use self::presence::Presence;
 pub(super) use self::proposals::Hotspots;
+use crate::identity::mean_vector::MeanVector;
 use crate::observation::PersonBox;
 use crate::prepared_room::PreparedRoom;
 use crate::silhouette::Body;
 
 /// Least probability of existence of the people from whom the detector is learnt.
 const LEARN_FROM: f64 = 0.95;
+
+/// Least probability that a box is a person's, and least visible points of that person, for the box's appearance vector
+/// to be that person's.
+const SURELY: f64 = 0.9;
+const CLEARLY_VISIBLE: u32 = POINTS * 7 / 10;
+
+/// Appearance vector of each box of a camera.
+type BoxVectors = Vec<Option<Arc<[f32]>>>;
 
 /// Boxes of all cameras and the people of a state.
 ///
@@ -44,6 +55,8 @@ const LEARN_FROM: f64 = 0.95;
 #[derive(Debug, Clone)]
 pub(super) struct Boxes {
     cameras: Vec<InCamera>,
+    /// Appearance vectors of each camera's boxes.
+    vectors: Vec<BoxVectors>,
     detector: Detector,
     is_in_use: bool,
     has_any: bool,
@@ -54,7 +67,9 @@ impl Boxes {
     pub(super) fn new(stage: &PreparedRoom) -> Self {
         let camera = |(number, camera)| InCamera::new(BoxCamera::new(camera), number);
         let cameras: Vec<InCamera> = stage.cameras.iter().enumerate().map(camera).collect();
-        Self { detector: Detector::new(cameras.len()), cameras, is_in_use: false, has_any: false }
+        let vectors = vec![Vec::new(); cameras.len()];
+        let detector = Detector::new(cameras.len());
+        Self { detector, cameras, vectors, is_in_use: false, has_any: false }
     }
 
     /// Sets the detection probability to 0: the likelihood of no boxes is then the same for all states.
@@ -66,7 +81,9 @@ impl Boxes {
     /// Sets the boxes of a new moment, one entry a camera; `None` leaves a camera out. Removes all people.
     pub(super) fn restart<'a>(&mut self, boxes: impl Iterator<Item = Option<&'a [PersonBox]>>) {
         (self.is_in_use, self.has_any) = (false, false);
-        for (camera, boxes) in self.cameras.iter_mut().zip(boxes) {
+        for ((camera, vectors), boxes) in self.cameras.iter_mut().zip(&mut self.vectors).zip(boxes) {
+            vectors.clear();
+            vectors.extend(boxes.into_iter().flatten().map(|b| b.appearance.clone()));
             let detected = boxes.map(|boxes| {
                 boxes.iter().map(|b| Detected { edges: [b.left, b.top, b.right, b.bottom], cut: b.cut })
             });
@@ -121,6 +138,23 @@ impl Boxes {
         let presences = self.cameras.iter().filter(|c| c.in_use).map(|c| &c.people[person]);
         let seen = presences.filter(|p| p.expected.is_some()).map(Presence::visible);
         f64::from(seen.max().unwrap_or(0)) / f64::from(POINTS)
+    }
+
+    /// Mean appearance vector of each person of the present state at this moment, of the boxes that are surely theirs.
+    pub(super) fn vectors(&self) -> Vec<MeanVector> {
+        let people = self.cameras.iter().map(|camera| camera.people.len()).max().unwrap_or(0);
+        let mut means = vec![MeanVector::default(); people];
+        for (camera, vectors) in self.cameras.iter().zip(&self.vectors) {
+            if vectors.iter().all(Option::is_none) {
+                continue;
+            }
+            let matching = camera.matching();
+            for ((mean, presence), matches) in means.iter_mut().zip(&camera.people).zip(matching.matches()) {
+                let sure = matches.filter(|(_, p)| *p > SURELY && presence.visible() >= CLEARLY_VISIBLE);
+                sure.filter_map(|(b, _)| vectors[b].as_ref()).for_each(|vector| mean.add_box(vector));
+            }
+        }
+        means
     }
 
     /// Updates the detector's parameters by the present state, whose people exist with these probabilities.

@@ -19,7 +19,7 @@ fn detected(stage: &PreparedRoom, people: &[Body], skipping: &[(usize, usize)]) 
             .filter(|expected| of_boxes.outside(expected) == 0)
             .map(|expected| {
                 let [left, top, right, bottom] = expected.edges;
-                PersonBox { left, top, right, bottom, cut: [false; 4] }
+                PersonBox { left, top, right, bottom, cut: [false; 4], appearance: None }
             })
             .collect()
     };
