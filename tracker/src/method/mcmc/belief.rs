@@ -183,6 +183,9 @@ impl Mcmc {
             if let (Some(a), Some(b)) = (of(a), of(b)) {
                 let (left, right) = self.tracks.split_at_mut(a.max(b));
                 left[a.min(b)].exchange_names(&mut right[0]);
+                if self.observes_boxes_alone() {
+                    self.smoother.exchange_names([self.tracks[a].key, self.tracks[b].key]);
+                }
             }
         }
     }

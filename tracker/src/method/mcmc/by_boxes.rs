@@ -1,8 +1,12 @@
 //! Start and length of the chain in a moment with a detector's boxes.
 
+use nalgebra::Vector2;
+
 use super::boxes::Hotspots;
 use super::person::Person;
 use super::sampling::SETTLING_STEPS;
+use super::traits::LearntTraits;
+use super::vector_places::VectorPlaces;
 use super::{BoxOptions, Mcmc};
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 
@@ -47,8 +51,28 @@ impl Mcmc {
             for person in people.iter() {
                 self.boxes.insert(&person.body);
             }
+            self.look_at_vectors(people);
         }
         self.boxes.hotspots((&self.options.radius, &self.options.height), |x, y| floor.is_standable(x, y))
+    }
+
+    /// Sets the likelihood of the appearance vectors for the known people, who are the people of the boxes' state.
+    fn look_at_vectors(&self, people: &mut [Person]) {
+        if !self.boxes.has_vectors() {
+            return;
+        }
+        let places = people.iter().map(|person| Vector2::new(person.body.x_m, person.body.y_m));
+        let seen: Vec<_> = places.zip(self.boxes.vectors()).collect();
+        let nothing = LearntTraits::default();
+        let learnt = |person: &Person| {
+            let track = self.tracks.iter().find(|track| track.key == person.key);
+            track.map_or(&nothing, |track| &track.learnt)
+        };
+        let learnt: Vec<&LearntTraits> = people.iter().map(learnt).collect();
+        let evidence = VectorPlaces::of_people(&learnt, &seen);
+        for (person, vectors) in people.iter_mut().zip(evidence) {
+            person.known.iter_mut().for_each(|known| known.vectors = vectors.clone());
+        }
     }
 
     /// Burn-in and kept steps of a moment with boxes alone.

@@ -44,6 +44,7 @@ mod tally;
 mod trace;
 mod track;
 mod traits;
+mod vector_places;
 
 use nalgebra::{Point2, Vector2};
 use rand::SeedableRng;

@@ -7,6 +7,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::options::Spread;
 use super::posture::SizePrior;
+use super::vector_places::VectorPlaces;
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::{Body, Silhouette};
 
@@ -49,12 +50,16 @@ pub(super) struct Known {
     pub(super) log_odds: f64,
     /// Place by a detector's boxes, which UPDATE-P proposes from; no part of the prior.
     pub(super) fit: Option<Gaussian>,
+    /// Likelihood of the appearance vectors seen at places, for this person.
+    pub(super) vectors: VectorPlaces,
 }
 
 impl Known {
-    /// Log density of a body under this prior.
+    /// Log density of a body under this prior, times the likelihood of the appearance vectors there.
     pub(super) fn log_density(&self, body: &Body) -> f64 {
-        self.place.log_density(body.x_m, body.y_m) + self.size.log_density(body)
+        self.place.log_density(body.x_m, body.y_m)
+            + self.size.log_density(body)
+            + self.vectors.log_likelihood(body.x_m, body.y_m)
     }
 }
 

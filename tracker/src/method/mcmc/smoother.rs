@@ -12,6 +12,7 @@
 use std::collections::VecDeque;
 
 use super::motion::Belief;
+use super::person::Key;
 use super::trace::Trace;
 use crate::PersonEstimate;
 
@@ -50,6 +51,28 @@ impl FixedLagSmoother {
         self.moments.push_back(LaggedMoment { frame, time_s, people, by_boxes });
     }
 
+    /// Exchanges the names of two tracks, which belong to each other's people since they were nearest to each other, from
+    /// then on.
+    pub(super) fn exchange_names(&mut self, keys: [Key; 2]) {
+        let both = |moment: &LaggedMoment| -> Option<[usize; 2]> {
+            let of = |key: Key| moment.people.iter().position(|p| p.key == key && p.id.is_some());
+            Some([of(keys[0])?, of(keys[1])?])
+        };
+        let found: Vec<[usize; 2]> = self.moments.iter().rev().map_while(both).collect();
+        let distance_m = |(back, [a, b]): (usize, &[usize; 2])| {
+            let people = &self.moments[self.moments.len() - 1 - back].people;
+            (people[*a].motion.place() - people[*b].motion.place()).norm()
+        };
+        let distances: Vec<f64> = found.iter().enumerate().map(distance_m).collect();
+        let nearest = (0..found.len()).min_by(|i, j| distances[*i].total_cmp(&distances[*j])).unwrap_or(0);
+        for ([a, b], moment) in found[..nearest].iter().zip(self.moments.iter_mut().rev()) {
+            let (left, right) = moment.people.split_at_mut(*a.max(b));
+            let (one, other) = (&mut left[*a.min(b)], &mut right[0]);
+            std::mem::swap(&mut one.id, &mut other.id);
+            std::mem::swap(&mut one.learnt, &mut other.learnt);
+        }
+    }
+
     /// Tracks of the latest moment.
     pub(super) fn latest(&self) -> Option<&[Trace]> {
         self.moments.back().map(|moment| moment.people.as_slice())
@@ -73,6 +96,10 @@ impl FixedLagSmoother {
         let later = self.moments.range(at..).map_while(|m| m.people.iter().find(|p| p.key == person.key));
         let life: Vec<&Trace> = later.collect();
         let named = life.iter().find(|p| p.id.is_some())?;
+        if person.id.is_none() && self.moments[at].people.iter().any(|other| other.id == named.id) {
+            // The name was another track's at that time.
+            return None;
+        }
         let is_over = at + life.len() < self.moments.len() || life.last()?.id.is_none();
         let is_measured = life.iter().any(|p| p.motion.measured.is_some());
         if self.moments[at].by_boxes && is_over && !is_measured {

@@ -12,6 +12,7 @@ use super::person::{Key, Known, Place};
 use super::posture::{Postures, Size};
 use super::tally::Sums;
 use super::traits::{LearntTraits, ShownTraits};
+use super::vector_places::VectorPlaces;
 use crate::TrackId;
 use crate::identity::mean_vector::MeanVector;
 use crate::silhouette::Body;
@@ -262,6 +263,7 @@ impl Track {
             size: self.postures.prior(),
             log_odds: self.log_odds,
             fit: None,
+            vectors: VectorPlaces::default(),
         }
     }
 

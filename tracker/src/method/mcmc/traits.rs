@@ -33,6 +33,16 @@ impl LearntTraits {
         shown.height.iter().for_each(|height| self.height.add(height));
         self.vector.add(&shown.vector, REMEMBERED_BOXES);
     }
+
+    /// Mean vector.
+    pub(super) fn vector(&self) -> &MeanVector {
+        &self.vector
+    }
+}
+
+/// Factor of log ratios of vectors' distances, where a mean is that of so many boxes.
+pub(super) fn vectors_weight(boxes: f64) -> f64 {
+    VECTORS_WEIGHT * boxes / (boxes + HALF_KNOWN_BOXES)
 }
 
 /// Log probability ratio, nats, that two people exchanged their tracks after they had shown `before`, given that the
@@ -42,6 +52,6 @@ pub(super) fn exchange_nats(before: [&LearntTraits; 2], since: [&LearntTraits; 2
     let by_heights = height(0, 1) + height(1, 0) - height(0, 0) - height(1, 1);
     let [before, since] = [before, since].map(|pair| pair.map(|traits| &traits.vector));
     let fewest = before.iter().chain(&since).map(|vector| vector.boxes()).fold(f64::INFINITY, f64::min);
-    let weight = VECTORS_WEIGHT * fewest / (fewest + HALF_KNOWN_BOXES);
+    let weight = vectors_weight(fewest);
     if weight > 0.0 { by_heights + weight * log_distance_ratio(before, since) } else { by_heights }
 }

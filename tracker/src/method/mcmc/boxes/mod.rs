@@ -140,6 +140,11 @@ impl Boxes {
         f64::from(seen.max().unwrap_or(0)) / f64::from(POINTS)
     }
 
+    /// Whether some box of this moment has an appearance vector.
+    pub(super) fn has_vectors(&self) -> bool {
+        self.vectors.iter().flatten().any(Option::is_some)
+    }
+
     /// Mean appearance vector of each person of the present state at this moment, of the boxes that are surely theirs.
     pub(super) fn vectors(&self) -> Vec<MeanVector> {
         let people = self.cameras.iter().map(|camera| camera.people.len()).max().unwrap_or(0);

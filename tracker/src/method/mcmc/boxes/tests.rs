@@ -8,6 +8,7 @@ use super::super::options::McmcOptions;
 use super::super::person::{Known, Place};
 use super::super::posture::{Size, SizePrior};
 use super::super::tests::{empty_room, standing};
+use super::super::vector_places::VectorPlaces;
 use super::*;
 
 /// Boxes of a perfect detector around these people, without those of the pairs (camera, person) in `skipping`.
@@ -125,6 +126,7 @@ fn hotspots_and_fits_find_who_is_there() {
         size: SizePrior::of_one(Size { radius: options.radius, height: options.height }),
         log_odds: 2.0,
         fit: None,
+        vectors: VectorPlaces::default(),
     };
     let fit = boxes.fits(std::iter::once((crowd[0], Some(&known)))).remove(0).unwrap().1;
     assert!(fit.log_density(2.0, 1.5) > fit.log_density(1.8, 1.6) + 2.0);

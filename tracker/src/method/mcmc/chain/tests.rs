@@ -8,6 +8,7 @@ use super::super::options::Spread;
 use super::super::person::{Gaussian, Known, Place};
 use super::super::posture::Size;
 use super::super::tests::{empty_room, masks, standing};
+use super::super::vector_places::VectorPlaces;
 use super::*;
 use crate::likelihood::{LikelihoodRule, pack};
 use crate::prepared_room::PreparedRoom;
@@ -278,6 +279,7 @@ fn assert_states_sample_the_prior(
         size: three_postures(),
         log_odds,
         fit: elsewhere_per_m2.map(|_| Gaussian::new(Vector2::new(3.1, 2.1), &(Matrix2::identity() * 0.02))),
+        vectors: VectorPlaces::default(),
     };
     let person = Person {
         key: 0,
