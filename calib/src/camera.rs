@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point2, Point3, Unit, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
+use shell::ranges::{DISTORTION, LENS_PX};
 
 use crate::{Distortion, Error, Result};
 
@@ -83,6 +84,15 @@ impl Intrinsics {
             return Err(Error::Invalid(
                 "the principal point or a distortion coefficient is not finite".into(),
             ));
+        }
+        let lens =
+            [self.fx, self.fy, self.cx, self.cy].map(|value| ("a number of the matrix", value, LENS_PX));
+        let coefficients = <[f64; 5]>::from(self.distortion);
+        let distortion = coefficients.map(|value| ("a distortion coefficient", value, DISTORTION));
+        for (name, value, range) in lens.into_iter().chain(distortion) {
+            if let Some(problem) = range.defect(value) {
+                return Err(Error::Invalid(format!("{name} {problem}")));
+            }
         }
         Ok(())
     }

@@ -5,15 +5,23 @@
 //! from outside. A program that promises one clear line on standard error takes the stream for itself.
 
 use std::error::Error;
+use std::fmt;
 use std::fs::File;
-use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::io::{self, ErrorKind, IsTerminal, StdoutLock, Write};
 use std::os::fd::AsFd;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use clap::error::ErrorKind as ArgumentErrorKind;
 use indicatif::{ProgressBar, ProgressStyle};
+use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::registry::LookupSpan;
+
+use crate::plain_text::{self, PlainWriter};
 
 /// Exit status of a command that failed: bad input, misuse, a full disk.
 pub const CANNOT: u8 = 2;
@@ -22,6 +30,43 @@ pub const CANNOT: u8 = 2;
 const LINE_EVERY: Duration = Duration::from_secs(5);
 /// Levels of the log, the quietest first. The last one includes the log of the libraries below.
 const LEVELS: [&str; 4] = ["warn", "info", "debug", "trace"];
+
+/// Arguments of the program. Wrong ones are told in one line and end it with [`CANNOT`].
+pub fn arguments<A: clap::Parser>() -> A {
+    A::try_parse().unwrap_or_else(|error| {
+        let is_help = error.kind() == ArgumentErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
+        if is_help || !error.use_stderr() {
+            error.exit();
+        }
+        // There is no other place to report to when standard error is closed.
+        let _ = writeln!(io::stderr(), "error: {}", plain_text::cut(&argument_problem(&error)));
+        std::process::exit(i32::from(CANNOT));
+    })
+}
+
+/// Problem of wrong arguments on one line, without the advice that spans several.
+pub fn argument_problem(error: &clap::Error) -> String {
+    let text = error.render().to_string();
+    let lines = text
+        .split('\n')
+        .map(str::trim)
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
+        .filter(|line| !line.is_empty());
+    let problem = lines.fold(String::new(), |all, line| {
+        let gap = match all.as_str() {
+            "" => "",
+            _ if line.starts_with("tip:") => "; ",
+            _ => " ",
+        };
+        all + gap + line
+    });
+    plain_text::escaped(problem.trim_start_matches("error: "))
+}
+
+/// Standard output for text: control characters of files and names are escaped.
+pub fn stdout() -> PlainWriter<StdoutLock<'static>> {
+    PlainWriter::new(io::stdout().lock())
+}
 
 /// Standard error; a private copy of it where libraries print over the stream.
 #[derive(Debug, Clone)]
@@ -46,8 +91,7 @@ impl Console {
         tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_ansi(console.is_terminal())
-            .with_target(false)
-            .without_time()
+            .event_format(PlainEvents)
             .with_writer(move || log.writer())
             .init();
         // A panic must not end the program without a message.
@@ -64,10 +108,10 @@ impl Console {
         }
     }
 
-    /// Writes a line.
+    /// Writes a line, as [`plain_text::one_line`] makes it.
     pub fn line(&self, text: &str) {
         // There is no other place to report to when standard error is closed.
-        let _ = writeln!(self.writer(), "{text}");
+        let _ = writeln!(self.writer(), "{}", plain_text::one_line(text));
     }
 
     /// Exit status of finished work; an error is first printed in one line. A reader who closes the pipe early, as in
@@ -199,7 +243,7 @@ fn take_stderr() -> io::Result<File> {
     Ok(File::from(own))
 }
 
-/// One line with an error and its causes. A cause that the message already contains is not repeated.
+/// An error and its causes. A cause that the message already contains is not repeated.
 fn in_one_line(error: &dyn Error) -> String {
     let mut line = String::new();
     let mut next = Some(error);
@@ -211,7 +255,37 @@ fn in_one_line(error: &dyn Error) -> String {
         }
         next = cause.source();
     }
-    line.trim_end().replace('\n', " ")
+    line
+}
+
+/// Lines of the log: level and message, as [`plain_text::one_line`] makes them. The libraries' own details are not cut.
+struct PlainEvents;
+
+impl<S, N> FormatEvent<S, N> for PlainEvents
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(
+        &self,
+        context: &FmtContext<'_, S, N>,
+        mut writer: Writer<'_>,
+        event: &Event<'_>,
+    ) -> fmt::Result {
+        let mut message = String::new();
+        context.format_fields(Writer::new(&mut message), event)?;
+        let level = *event.metadata().level();
+        let message =
+            if level > Level::INFO { plain_text::escaped(&message) } else { plain_text::one_line(&message) };
+        let color = match level {
+            _ if !writer.has_ansi_escapes() => return writeln!(writer, "{level:>5} {message}"),
+            Level::ERROR => 31,
+            Level::WARN => 33,
+            Level::INFO => 32,
+            _ => 34,
+        };
+        writeln!(writer, "\u{1b}[{color}m{level:>5}\u{1b}[0m {message}")
+    }
 }
 
 fn is_closed_pipe(error: &(dyn Error + 'static)) -> bool {
@@ -245,7 +319,27 @@ mod tests {
         assert_eq!(in_one_line(&missing()), "cam.toml: no such file");
         let wrapped = anyhow::Error::from(missing()).context("camera `a`");
         assert_eq!(in_one_line(wrapped.as_ref()), "camera `a`: cam.toml: no such file");
-        assert_eq!(in_one_line(&io::Error::other("two\nlines")), "two lines");
+        assert_eq!(plain_text::one_line(&in_one_line(&io::Error::other("two\nlines"))), "two lines");
+    }
+
+    #[derive(Debug, clap::Parser)]
+    struct Arguments {
+        #[arg(long)]
+        threads: u8,
+    }
+
+    #[test]
+    fn wrong_arguments_are_told_in_one_line() {
+        let problem = |words: &[&str]| {
+            let words = std::iter::once(&"program").chain(words);
+            argument_problem(&<Arguments as clap::Parser>::try_parse_from(words).unwrap_err())
+        };
+        let said = problem(&["--threads", "9\u{1b}[2J\n9"]);
+        assert!(said.starts_with("invalid value '9\\u{1b}[2J 9' for '--threads <THREADS>'"), "{said}");
+        let said = problem(&["--thread", "9"]);
+        assert!(said.contains("unexpected argument '--thread'; tip: a similar argument"), "{said}");
+        let said = problem(&[]);
+        assert!(said.contains("not provided: --threads <THREADS>") && !said.contains('\n'), "{said}");
     }
 
     #[test]

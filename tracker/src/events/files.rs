@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 
 use calib::files::write_atomic;
 use scenes::room::Room;
+use shell::ranges::SECONDS;
 
 use super::groups::{self, Groups};
 use super::heat::HeatMap;
 use super::open_visits::OpenVisits;
 use super::tally::CountRows;
 use super::{Event, EventOptions, Events};
+use crate::option_checks::check_numbers;
 use crate::tracks::jsonl::{self, FrameLine};
 use crate::tracks::{LineFile, Persistence, last_line};
 use crate::{Error, Result};
@@ -44,11 +46,11 @@ impl EventFileOptions {
     /// # Errors
     /// [`Error::Option`] that names the field.
     pub fn validate(&self) -> Result<()> {
-        if self.counts_every_s.is_finite() && self.counts_every_s >= 0.1 {
-            return Ok(());
-        }
-        let problem = format!("is {}; give at least 0.1 seconds", self.counts_every_s);
-        Err(Error::option("counts_every_s", problem))
+        check_numbers(
+            [("counts_every_s", self.counts_every_s)],
+            |seconds| (0.1..=SECONDS.most).contains(&seconds),
+            &format!("at least 0.1 seconds, and at most {}", SECONDS.most),
+        )
     }
 }
 
