@@ -1,11 +1,17 @@
 //! Replacement of a file in one step.
 
+use std::ffi::OsString;
 use std::fs::{File, Metadata, Permissions};
 use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
-use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
 
-use tempfile::{Builder, NamedTempFile};
+/// End of the names of files that are being written.
+const ENDING: &str = ".writing";
+/// Permissions of a new result, of which the process's mask takes some away.
+const MODE: u32 = 0o644;
+/// Longest name, bytes, to which an ending is added.
+const LONGEST_NAME: usize = 200;
 
 /// A file that is written beside its place, and takes its name in one step once all of it is on the disk.
 ///
@@ -13,18 +19,33 @@ use tempfile::{Builder, NamedTempFile};
 /// name of a link stays a link: the file that it leads to is replaced. The new file has the old one's permissions and,
 /// where the system allows it, its owner. A device or a pipe is written to directly, since it cannot be replaced.
 ///
-/// Dropped without [`finish`](Self::finish), it leaves nothing behind.
+/// Dropped without [`finish`](Self::finish), it leaves nothing behind. What a killed program leaves, `.NAME.writing`, is
+/// replaced by the next one that writes the file.
 #[derive(Debug)]
 pub struct StagedFile {
     /// Path with all links resolved.
     target: PathBuf,
-    place: Place,
+    /// Place of the file until it takes its name; `None` for a device. It is removed before the file is unlocked.
+    beside: Option<Beside>,
+    file: File,
 }
 
 #[derive(Debug)]
-enum Place {
-    Beside { file: NamedTempFile, before: Option<Metadata> },
-    Device(File),
+struct Beside {
+    path: PathBuf,
+    /// The file that is replaced.
+    before: Option<Metadata>,
+    /// Whether the file has taken its name: the path may then be another program's.
+    is_named: bool,
+}
+
+impl Drop for Beside {
+    fn drop(&mut self) {
+        if !self.is_named {
+            // A file that cannot be removed is replaced by the next program.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
 }
 
 impl StagedFile {
@@ -35,18 +56,18 @@ impl StagedFile {
     pub fn create(path: &Path) -> io::Result<Self> {
         let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let before = target.metadata().ok();
-        let place = match before {
-            Some(folder) if folder.is_dir() => return Err(ErrorKind::IsADirectory.into()),
-            Some(other) if !other.is_file() => Place::Device(File::options().write(true).open(&target)?),
-            before => {
-                let folder = folder_of(&target);
-                std::fs::create_dir_all(folder)?;
-                let mut builder = Builder::new();
-                builder.prefix(".writing-").permissions(readable_by_all());
-                Place::Beside { file: builder.tempfile_in(folder)?, before }
+        match before {
+            Some(folder) if folder.is_dir() => Err(ErrorKind::IsADirectory.into()),
+            Some(other) if !other.is_file() => {
+                let file = File::options().write(true).open(&target)?;
+                Ok(Self { target, file, beside: None })
             }
-        };
-        Ok(Self { target, place })
+            before => {
+                std::fs::create_dir_all(folder_of(&target))?;
+                let (path, file) = open_beside(&target)?;
+                Ok(Self { target, file, beside: Some(Beside { path, before, is_named: false }) })
+            }
+        }
     }
 
     /// Brings the content to the disk, which is where a full one may show, without taking the name yet.
@@ -54,18 +75,17 @@ impl StagedFile {
     /// # Errors
     /// An error of the operating system.
     pub fn settle(&mut self) -> io::Result<()> {
-        let Place::Beside { file, before } = &self.place else { return Ok(()) };
-        let file = file.as_file();
+        let Some(Beside { before, .. }) = &self.beside else { return Ok(()) };
         if let Some(before) = before {
-            let now = file.metadata()?;
+            let now = self.file.metadata()?;
             if (now.uid(), now.gid()) != (before.uid(), before.gid()) {
                 // Only an administrator may give files away; other people's replacements belong to them.
-                let _ = fchown(file, Some(before.uid()), Some(before.gid()));
+                let _ = fchown(&self.file, Some(before.uid()), Some(before.gid()));
             }
             // After the change of the owner, which takes some permissions away.
-            file.set_permissions(before.permissions())?;
+            self.file.set_permissions(before.permissions())?;
         }
-        file.sync_all()
+        self.file.sync_all()
     }
 
     /// Brings the content to the disk and gives the file its name.
@@ -87,14 +107,14 @@ impl StagedFile {
 
     /// Gives a file that was [settled](Self::settle) its name.
     fn take_name(self) -> io::Result<File> {
-        match self.place {
-            Place::Device(file) => Ok(file),
-            Place::Beside { file, .. } => {
-                let file = file.persist(&self.target).map_err(|e| e.error)?;
-                sync_folder(folder_of(&self.target))?;
-                Ok(file)
-            }
+        let Self { target, file, beside } = self;
+        if let Some(mut beside) = beside {
+            std::fs::rename(&beside.path, &target)?;
+            beside.is_named = true;
+            sync_folder(folder_of(&target))?;
+            file.unlock()?;
         }
+        Ok(file)
     }
 
     /// Gives files that belong together their names, in this order, once all of them are on the disk.
@@ -107,34 +127,58 @@ impl StagedFile {
         }
         files.into_iter().enumerate().try_for_each(|(i, file)| file.take_name().map(drop).map_err(|e| (i, e)))
     }
+}
 
-    fn file(&mut self) -> &mut File {
-        match &mut self.place {
-            Place::Beside { file, .. } => file.as_file_mut(),
-            Place::Device(file) => file,
+/// Opens a file beside its place: the one that a killed program has left, if there is one. The lock of a file tells that
+/// the program is alive, which then keeps the name for itself.
+fn open_beside(target: &Path) -> io::Result<(PathBuf, File)> {
+    let name = target.file_name().unwrap_or_default();
+    let named = |more: &str| {
+        let mut hidden = OsString::from(".");
+        if name.len() <= LONGEST_NAME {
+            hidden.push(name);
+        }
+        hidden.push(more);
+        hidden.push(ENDING);
+        folder_of(target).join(hidden)
+    };
+    let own = format!(".{}", std::process::id());
+    for more in ["", own.as_str()] {
+        let path = named(more);
+        let file =
+            File::options().read(true).write(true).create(true).truncate(false).mode(MODE).open(&path)?;
+        let is_named = |file: &File| {
+            let (open, named) = (file.metadata()?, path.symlink_metadata()?);
+            Ok::<_, io::Error>((open.dev(), open.ino()) == (named.dev(), named.ino()))
+        };
+        // A program that had it may have given it its name in between.
+        if file.try_lock().is_ok() && is_named(&file).unwrap_or(false) {
+            file.set_len(0)?;
+            return Ok((path, file));
         }
     }
+    Err(io::Error::new(ErrorKind::ResourceBusy, "another program is writing it"))
 }
 
 impl Write for StagedFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.file().write(bytes)
+        self.file.write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.file().flush()
+        self.file.flush()
     }
 }
 
 impl Seek for StagedFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.file().seek(to)
+        self.file.seek(to)
     }
 }
 
 /// Permissions of a result, readable by all: temporary files are private by default.
 pub fn readable_by_all() -> Permissions {
-    Permissions::from_mode(0o644)
+    Permissions::from_mode(MODE)
 }
 
 /// Brings the names in a folder to the disk, so that a loss of power does not undo a new one.
@@ -206,6 +250,30 @@ mod tests {
         let (number, _) = StagedFile::finish_all(files.into_iter().chain([gone]).collect()).unwrap_err();
         assert_eq!(number, 2);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn what_a_killed_program_left_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(folder.path().join(".a.txt.writing"), "half of a longer text").unwrap();
+        write(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn two_programs_that_write_one_file_do_not_mix_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let [mut first, mut second] = [(); 2].map(|()| StagedFile::create(&path).unwrap());
+        first.write_all(b"first").unwrap();
+        second.write_all(b"second").unwrap();
+        second.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        first.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"first");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

@@ -47,8 +47,18 @@ pub(super) async fn serve(
     router: Router,
     tls: Option<Arc<ServerConfig>>,
 ) -> io::Result<()> {
+    serve_at_most(most_connections(), listener, router, tls).await
+}
+
+/// [`serve`], with at most so many connections at once.
+async fn serve_at_most(
+    most: usize,
+    listener: TcpListener,
+    router: Router,
+    tls: Option<Arc<ServerConfig>>,
+) -> io::Result<()> {
     let acceptor = tls.map(TlsAcceptor::from);
-    let connections = Arc::new(Connections::new(most_connections()));
+    let connections = Arc::new(Connections::new(most));
     // A runtime that goes on without this server must not go on with its clients.
     let _ends = EndsAll(Arc::clone(&connections));
     loop {
@@ -256,5 +266,99 @@ struct Registered(Connection);
 impl Drop for Registered {
     fn drop(&mut self) {
         self.0.all.open().remove(&self.0.id);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::routing::{get, put};
+    use std::io::{Read, Write};
+    use std::net::TcpStream as Client;
+    use std::thread;
+
+    /// A server of at most four connections, which runs until the tests end.
+    fn server() -> SocketAddr {
+        let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        socket.set_nonblocking(true).unwrap();
+        let address = socket.local_addr().unwrap();
+        let slow = async || {
+            sleep(Duration::from_secs(5)).await;
+            "slow"
+        };
+        let router = Router::new()
+            .route("/", get(async || "here"))
+            .route("/slow", get(slow))
+            .route("/put", put(async |body: String| body))
+            .layer(from_fn(with_whole_body));
+        thread::spawn(move || {
+            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+            runtime.block_on(async {
+                serve_at_most(4, TcpListener::from_std(socket).unwrap(), router, None).await.unwrap();
+            });
+        });
+        address
+    }
+
+    fn ask(address: SocketAddr, request: &str) -> String {
+        let mut client = Client::connect(address).unwrap();
+        client.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        client.write_all(request.as_bytes()).unwrap();
+        let mut answer = String::new();
+        // A connection that was given up ends in an error.
+        let _ = client.read_to_string(&mut answer);
+        answer
+    }
+
+    const HERE: &str = "GET / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n";
+
+    #[test]
+    fn idle_and_half_sent_requests_make_room_for_others() {
+        let address = server();
+        let silent = [
+            "",
+            "GET / HT",
+            "PUT /put HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\nhalf",
+            "GET / HTTP/1.1\r\nHost: a\r\n\r\n",
+        ];
+        let mut clients = Vec::new();
+        for i in 0..40 {
+            let mut client = Client::connect(address).unwrap();
+            // The server may have closed it by now.
+            let _ = client.write_all(silent[i % silent.len()].as_bytes());
+            clients.push(client);
+        }
+        for _ in 0..3 {
+            let answer = ask(address, HERE);
+            assert!(answer.starts_with("HTTP/1.1 200") && answer.ends_with("here"), "{answer}");
+        }
+    }
+
+    #[test]
+    fn requests_that_are_worked_on_stay_while_idle_ones_go() {
+        let address = server();
+        let slow =
+            thread::spawn(move || ask(address, "GET /slow HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n"));
+        thread::sleep(Duration::from_millis(300));
+        let idle: Vec<Client> = (0..20).map(|_| Client::connect(address).unwrap()).collect();
+        assert!(ask(address, HERE).ends_with("here"));
+        drop(idle);
+        let answer = slow.join().unwrap();
+        assert!(answer.ends_with("slow"), "{answer}");
+    }
+
+    #[test]
+    fn a_body_is_read_to_its_end_and_not_beyond_its_limit() {
+        let address = server();
+        let put = |length: usize, body: &str| {
+            ask(
+                address,
+                &format!(
+                    "PUT /put HTTP/1.1\r\nHost: a\r\nConnection: close\r\nContent-Length: {length}\r\n\r\n{body}"
+                ),
+            )
+        };
+        assert!(put(5, "whole").ends_with("whole"));
+        assert!(put(MOST_BODY_BYTES + 1, "more").starts_with("HTTP/1.1 413"));
     }
 }

@@ -226,6 +226,9 @@ impl EventFiles {
     }
 }
 
+/// Folder in which new event files are finished.
+const BESIDE: &str = ".events";
+
 /// Writes the event files of a finished run, from its `tracks.jsonl`, line by line; the same bytes as during the run. They
 /// replace older ones once all of them are complete.
 ///
@@ -235,7 +238,10 @@ pub fn of_run(out: &Path, room_dir: &Path, options: &EventFileOptions) -> Result
     // A run that cannot be read is named before a folder is made in it.
     let room = Room::read(room_dir)?;
     let lines = jsonl::lines(&out.join("tracks.jsonl"))?;
-    let beside = tempfile::Builder::new().prefix(".events-").tempdir_in(out).map_err(Error::io(out))?;
+    // The name is always the same, so that what a killed program has left is replaced.
+    let _ = std::fs::remove_dir_all(out.join(BESIDE));
+    let beside = tempfile::Builder::new().prefix(BESIDE).rand_bytes(0).tempdir_in(out);
+    let beside = beside.map_err(Error::io(out))?;
     write_files(lines, beside.path(), &room, room_dir, options)?;
     for name in [HEAT, HEAT_PICTURE, GROUPS, COUNTS, EVENTS] {
         let target = out.join(name);
