@@ -2,8 +2,9 @@
 
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point2, Point3, Unit, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
-use shell::ranges::{DISTORTION, LENS_PX};
+use shell::ranges::{DISTORTION, LENS_PX, SIDE_PX};
 
+use crate::picture::size_defect;
 use crate::{Distortion, Error, Result};
 
 /// Mapping of directions to pixels: image size, focal lengths, principal point, distortion.
@@ -73,6 +74,16 @@ impl Intrinsics {
     pub fn validate(&self) -> Result<()> {
         if self.width == 0 || self.height == 0 {
             return Err(Error::Invalid(format!("the image size {} × {} is empty", self.width, self.height)));
+        }
+        let (width, height) = (self.width, self.height);
+        if !SIDE_PX.contains(f64::from(width.max(height))) {
+            return Err(Error::Invalid(format!(
+                "the image size {width} × {height} is no camera's (at most {} a side)",
+                SIDE_PX.most
+            )));
+        }
+        if let Some(problem) = size_defect(width, height) {
+            return Err(Error::Invalid(format!("the image {problem}")));
         }
         if !(self.fx > 0.0 && self.fy > 0.0 && self.fx.is_finite() && self.fy.is_finite()) {
             return Err(Error::Invalid(format!(

@@ -28,6 +28,8 @@ pub const CANNOT: u8 = 2;
 
 /// Interval between two progress lines where standard error is not a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
+/// Largest length of a message of the log, bytes, so that level and message fit into one line.
+const LONGEST_MESSAGE: usize = plain_text::LONGEST_LINE - 6;
 /// Levels of the log, the quietest first. The last one includes the log of the libraries below.
 const LEVELS: [&str; 4] = ["warn", "info", "debug", "trace"];
 
@@ -39,7 +41,11 @@ pub fn arguments<A: clap::Parser>() -> A {
             error.exit();
         }
         // There is no other place to report to when standard error is closed.
-        let _ = writeln!(io::stderr(), "error: {}", plain_text::cut(&argument_problem(&error)));
+        let _ = writeln!(
+            io::stderr(),
+            "error: {}",
+            plain_text::cut_to(&argument_problem(&error), LONGEST_MESSAGE - 1)
+        );
         std::process::exit(i32::from(CANNOT));
     })
 }
@@ -134,7 +140,7 @@ impl Console {
             } else {
                 "{msg} {spinner} {pos}, {per_sec}"
             };
-            self.shown(bar, line).with_message(what.to_owned())
+            self.shown(bar, line).with_message(plain_text::one_line(what))
         });
         Progress { what: what.to_owned(), steps, done: 0, bar, latest_line: Instant::now() }
     }
@@ -219,7 +225,7 @@ impl ProgressStages {
         match &self.bar {
             Some(bar) => {
                 bar.set_position(number as u64);
-                bar.set_message(what.to_owned());
+                bar.set_message(plain_text::one_line(what));
             }
             None => self.console.line(&format!("{number:2} of {}  {what}", self.of)),
         }
@@ -275,8 +281,10 @@ where
         let mut message = String::new();
         context.format_fields(Writer::new(&mut message), event)?;
         let level = *event.metadata().level();
+        // Room for the level before it.
+        let message = plain_text::escaped(&message);
         let message =
-            if level > Level::INFO { plain_text::escaped(&message) } else { plain_text::one_line(&message) };
+            if level > Level::INFO { message } else { plain_text::cut_to(&message, LONGEST_MESSAGE) };
         let color = match level {
             _ if !writer.has_ansi_escapes() => return writeln!(writer, "{level:>5} {message}"),
             Level::ERROR => 31,

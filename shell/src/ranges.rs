@@ -34,8 +34,8 @@ pub const DISTORTION: Range = Range::new(-1e4, 1e4, "");
 pub const FRAMES: Range = Range::new(0.0, 1e6, "frames");
 /// Numbers of frames, at least one.
 pub const SOME_FRAMES: Range = Range::new(1.0, 1e6, "frames");
-/// Numbers by which frames are called.
-pub const FRAME_NUMBER: Range = Range::new(1.0, 1e9, "");
+/// Numbers by which frames are called; a service counts on for years.
+pub const FRAME_NUMBER: Range = Range::new(1.0, 4e9, "");
 /// Frames a second.
 pub const RATE_HZ: Range = Range::new(1e-4, 100_000.0, "frames a second");
 /// Waits and intervals.

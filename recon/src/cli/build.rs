@@ -9,7 +9,7 @@ use recon::dense::DenseOptions;
 use recon::pipeline::{self, BuildOptions, BuildReport};
 use recon::project::Project;
 use shell::console::{Console, ProgressStages};
-use shell::files::{FolderLock, Outputs};
+use shell::files::{FolderLock, LockError, Outputs};
 use shell::ranges::THREADS;
 
 /// Build a room directory from a capture project.
@@ -79,14 +79,18 @@ pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Locks a room for one build at a time, by a file beside it: the room itself is replaced.
-fn lock(out: &Path) -> anyhow::Result<FolderLock> {
+/// Locks a room for one build at a time, by a file in the folder that it is, or will be, in: the room itself is replaced.
+/// Where no file can be made, no room can be made, which is told later.
+fn lock(out: &Path) -> anyhow::Result<Option<FolderLock>> {
     let absolute = std::path::absolute(out).with_context(|| out.display().to_string())?;
-    let parent = absolute.parent().unwrap_or(Path::new("/"));
-    std::fs::create_dir_all(parent).with_context(|| parent.display().to_string())?;
+    let above = absolute.ancestors().skip(1).find(|folder| folder.is_dir()).unwrap_or(Path::new("/"));
     let name = absolute.file_name().unwrap_or_default().to_string_lossy();
-    let file = parent.join(format!(".{name}{}", FolderLock::NAME));
-    Ok(FolderLock::take_file(&file, out, "recon build", Duration::ZERO)?)
+    let file = above.join(format!(".{name}{}", FolderLock::NAME));
+    match FolderLock::take_file(&file, out, "recon build", Duration::ZERO) {
+        Ok(lock) => Ok(Some(lock)),
+        Err(LockError::Io { .. }) => Ok(None),
+        Err(held) => Err(held.into()),
+    }
 }
 
 impl Build {

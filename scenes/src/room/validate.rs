@@ -1,6 +1,6 @@
 //! Checks of the invariants of a room.
 
-use shell::ranges::{ROOM_M, SIDE_PX};
+use shell::ranges::ROOM_M;
 
 use super::drawing::{name_defect, outline_defect};
 use super::{Room, RoomCamera, Zone, marking};
@@ -100,15 +100,6 @@ fn camera_defect(camera: &RoomCamera) -> Option<String> {
     let intrinsics = &camera.camera.intrinsics;
     if let Err(e) = intrinsics.validate() {
         return Some(e.to_string());
-    }
-    if !SIDE_PX.contains(f64::from(intrinsics.width.max(intrinsics.height))) {
-        return Some(format!(
-            "the image size {} × {} is no camera's (at most {} a side)",
-            intrinsics.width, intrinsics.height, SIDE_PX.most
-        ));
-    }
-    if let Some(problem) = calib::picture::size_defect(intrinsics.width, intrinsics.height) {
-        return Some(format!("the image {problem}"));
     }
     let pose = &camera.camera.camera_from_world;
     let finite =

@@ -39,6 +39,8 @@ pub enum LockError {
 #[derive(Debug)]
 pub struct FolderLock {
     path: PathBuf,
+    /// The folder, if it was made for the lock.
+    made: Option<PathBuf>,
     /// Unlocked when it is closed.
     _file: File,
 }
@@ -52,9 +54,12 @@ impl FolderLock {
     /// # Errors
     /// [`LockError`] with the process that has the lock, or the error of the operating system.
     pub fn take(folder: &Path, work: &str) -> Result<Self, LockError> {
-        std::fs::create_dir_all(folder)
-            .map_err(|source| LockError::Io { path: folder.to_owned(), source })?;
-        Self::take_file(&folder.join(Self::NAME), folder, work, Duration::ZERO)
+        let io = |source| LockError::Io { path: folder.to_owned(), source };
+        let is_new = !folder.exists();
+        std::fs::create_dir_all(folder).map_err(io)?;
+        let mut lock = Self::take_file(&folder.join(Self::NAME), folder, work, Duration::ZERO)?;
+        lock.made = is_new.then(|| folder.to_owned());
+        Ok(lock)
     }
 
     /// Locks a folder by a file of another name or place, and waits so long for a process that is ending.
@@ -74,7 +79,7 @@ impl FolderLock {
                         continue;
                     }
                     write_holder(&mut file, work).map_err(io)?;
-                    return Ok(Self { path: path.to_owned(), _file: file });
+                    return Ok(Self { path: path.to_owned(), made: None, _file: file });
                 }
                 Err(TryLockError::WouldBlock) if begun.elapsed() < patience => std::thread::sleep(LOOK),
                 Err(TryLockError::WouldBlock) => {
@@ -91,6 +96,8 @@ impl Drop for FolderLock {
     fn drop(&mut self) {
         // While it is locked nobody else uses the file. A file that cannot be removed locks nothing.
         let _ = std::fs::remove_file(&self.path);
+        // A command that fails before it writes leaves no folder behind; one with results is not removed.
+        let _ = self.made.as_deref().map(std::fs::remove_dir);
     }
 }
 
@@ -127,8 +134,11 @@ mod tests {
         let holder = format!("process {} (tracker run)", std::process::id());
         assert!(line.contains(&holder) && line.contains("out") && line.contains("another folder"), "{line}");
         drop(first);
-        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0);
-        FolderLock::take(&out, "tracker run").unwrap();
+        assert!(!out.exists(), "a folder without results was made for the lock alone");
+        let again = FolderLock::take(&out, "tracker run").unwrap();
+        std::fs::write(out.join("result"), "").unwrap();
+        drop(again);
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 1);
     }
 
     #[test]

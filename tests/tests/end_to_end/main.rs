@@ -16,6 +16,7 @@ mod live_view;
 mod mqtt;
 mod office;
 mod pages;
+mod parsers;
 mod recon_board;
 mod recon_picks;
 mod recon_refusals;

@@ -45,7 +45,7 @@ fn run(folder: &Folder, line: &str) -> Output {
     let words: Vec<&str> = line.split_whitespace().collect();
     let output = folder.run_program(words[0], &words[1..]);
     let said = String::from_utf8_lossy(&output.stderr);
-    let long = said.lines().find(|line| line.chars().count() > 300);
+    let long = said.lines().find(|line| line.len() > 300);
     assert!(long.is_none() && !said.contains('\u{1b}'), "{line}: {said}");
     output
 }
@@ -116,7 +116,7 @@ fn options_out_of_their_ranges_name_the_range() {
 fn rows_out_of_their_ranges_name_line_and_range() {
     let folder = folder();
     for (row, words) in [
-        ("4294967295,-1,10,10,30,60,0.9", ["line 1", "1000000000"]),
+        ("4294967295,-1,10,10,30,60,0.9", ["line 1", "4000000000"]),
         ("1,-1,1e300,10,30,60,0.9", ["line 1", "pixels"]),
         ("1,-1,-1,-1,-1,-1,1,1e300,0,0", ["line 1", "10000 metres"]),
     ] {
@@ -215,8 +215,10 @@ fn pictures_that_claim_more_than_they_may_are_refused_by_every_reader() {
         "tracker masks --video a=bombs --out m",
         "tracker detect bombs --out d.txt",
         "tracker run room --masks a=bombs --out out",
-        "tracker run room --video a=frames/a --background a=bombs/01.png --out out",
     ] {
         refused(&run(&folder, line), &["01.png", "30000 × 30000", "200 megapixels"]);
     }
+    // FFmpeg reads a single picture as a film, by the same limit.
+    let film = format!("{RUN} --background a=bombs/01.png");
+    refused(&run(&folder, &film), &["01.png", "200 megapixels"]);
 }

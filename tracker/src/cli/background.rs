@@ -12,7 +12,7 @@ use tracker::foreground::backdrop::Backdrop;
 use tracker::foreground::{ForegroundOptions, InitialBackground};
 use tracker::source::{NamedSource, VideoSource, sampling};
 
-use super::outputs::path_of;
+use super::outputs::paths_of;
 
 /// Source of the background.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -68,9 +68,9 @@ impl BackgroundArguments {
 
     /// Files of the empty room.
     pub(super) fn paths(&self) -> impl Iterator<Item = PathBuf> {
-        self.background.iter().filter_map(|choice| match choice {
-            Choice::Clip(clip) => Some(path_of(&clip.spec)),
-            _ => None,
+        self.background.iter().flat_map(|choice| match choice {
+            Choice::Clip(clip) => paths_of(&clip.spec),
+            _ => Vec::new(),
         })
     }
 

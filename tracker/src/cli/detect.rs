@@ -132,7 +132,7 @@ pub(crate) fn detect(args: &DetectArgs, console: &Console) -> anyhow::Result<Str
     }
     let options = args.look.options()?;
     let (Some(video), Some(out)) = (&args.video, &args.out) else { bail!("give a video and --out FILE") };
-    let inputs = [outputs::path_of(video)].into_iter().chain(args.model.clone());
+    let inputs = outputs::paths_of(video).into_iter().chain(args.model.clone());
     outputs::refuse_inputs(out, inputs)?;
     let detector = match &args.model {
         Some(path) => Detector::read(path, options)?,
@@ -156,7 +156,8 @@ pub(crate) fn detect(args: &DetectArgs, console: &Console) -> anyhow::Result<Str
 
 fn train(args: &TrainArgs, console: &Console) -> anyhow::Result<String> {
     let detect = args.look.options()?;
-    let videos = std::iter::once(&args.video).chain(&args.background).map(|spec| outputs::path_of(spec));
+    let videos =
+        std::iter::once(&args.video).chain(&args.background).flat_map(|spec| outputs::paths_of(spec));
     outputs::refuse_inputs(&args.out, videos.chain([args.boxes.clone()]))?;
     let labelled = labelled(args)?;
     let mut empty = Vec::new();

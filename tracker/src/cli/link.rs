@@ -12,7 +12,7 @@ use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment, rate}
 use tracker::tracks::rows::RowFile;
 
 use super::colours;
-use super::outputs::{OutputLock, path_of, refuse_inputs};
+use super::outputs::{OutputLock, paths_of, refuse_inputs};
 
 /// Link the detections of a whole recording to the tracks of least total cost.
 ///
@@ -231,7 +231,8 @@ pub(super) fn link(args: &LinkArgs, console: &Console) -> anyhow::Result<String>
     };
     options.check()?;
     let outputs = std::iter::once(out).chain(&args.report).map(PathBuf::as_path);
-    let inputs = std::iter::once(detections.clone()).chain(args.video.as_deref().map(path_of));
+    let inputs =
+        std::iter::once(detections.clone()).chain(args.video.as_deref().map(paths_of).unwrap_or_default());
     Outputs::new(outputs).refuse(inputs)?;
     let file = RowFile::read(detections)?;
     if options.frames_per_s.is_none() {

@@ -46,8 +46,10 @@ pub(crate) struct MasksArgs {
 /// Runs the subcommand.
 pub(crate) fn masks(args: &MasksArgs, console: &Console) -> anyhow::Result<String> {
     args.background.check_names(&args.video, &[])?;
-    let inputs =
-        outputs::paths_of(&args.video).into_iter().chain(args.times.clone()).chain(args.background.paths());
+    let inputs = outputs::paths_of_all(&args.video)
+        .into_iter()
+        .chain(args.times.clone())
+        .chain(args.background.paths());
     outputs::refuse_inputs(&args.out, inputs)?;
     let mut lock = OutputLock::if_present(&args.out)?;
     for named in &args.video {

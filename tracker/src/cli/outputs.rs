@@ -5,8 +5,17 @@ use std::path::{Path, PathBuf};
 use shell::files::{FolderLock, OutputError, Outputs};
 use tracker::source::NamedSource;
 
-/// Path of what a source reads: a file or a folder. Streams and devices have names of no file.
-pub(super) fn path_of(spec: &str) -> PathBuf {
+/// Paths of what a source reads: a file, or a folder and what is in it. Streams and devices have names of no file.
+pub(super) fn paths_of(spec: &str) -> Vec<PathBuf> {
+    let path = folder_or_file(spec);
+    let entries = std::fs::read_dir(&path).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    paths.push(path);
+    paths
+}
+
+/// The file or folder of a source; of a pattern, the folder of its pictures.
+fn folder_or_file(spec: &str) -> PathBuf {
     let path = Path::new(spec);
     let is_pattern = spec.contains('%') && !spec.contains("://") && !path.exists();
     match path.parent().filter(|_| is_pattern) {
@@ -17,8 +26,8 @@ pub(super) fn path_of(spec: &str) -> PathBuf {
 }
 
 /// Paths of what sources read.
-pub(super) fn paths_of<'a>(sources: impl IntoIterator<Item = &'a NamedSource>) -> Vec<PathBuf> {
-    sources.into_iter().map(|source| path_of(&source.spec)).collect()
+pub(super) fn paths_of_all<'a>(sources: impl IntoIterator<Item = &'a NamedSource>) -> Vec<PathBuf> {
+    sources.into_iter().flat_map(|source| paths_of(&source.spec)).collect()
 }
 
 /// Refuses an output that is, or holds, one of these inputs.
@@ -92,7 +101,7 @@ mod tests {
             ("rtsp://camera/a%20b", "rtsp://camera/a%20b"),
             ("0", "0"),
         ] {
-            assert_eq!(path_of(spec), Path::new(path), "{spec}");
+            assert_eq!(folder_or_file(spec), Path::new(path), "{spec}");
         }
     }
 }

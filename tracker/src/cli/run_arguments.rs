@@ -139,7 +139,7 @@ impl RunArgs {
 
     /// Files and folders that the run reads.
     pub(super) fn inputs(&self) -> Vec<PathBuf> {
-        let mut paths = outputs::paths_of(self.video.iter().chain(&self.masks).chain(&self.detections));
+        let mut paths = outputs::paths_of_all(self.video.iter().chain(&self.masks).chain(&self.detections));
         paths.extend(self.clocks.paths());
         paths.extend(self.background.paths());
         paths.extend(room::files_of(&self.room));

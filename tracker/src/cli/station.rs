@@ -99,7 +99,7 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         args.agents.check_unused()?;
     }
     if let Some(out) = args.agents.out() {
-        let sources = args.video.iter().chain(&args.masks).map(|spec| outputs::path_of(spec));
+        let sources = args.video.iter().chain(&args.masks).flat_map(|spec| outputs::paths_of(spec));
         let inputs = sources.chain(args.clocks.paths()).chain(args.background.paths());
         outputs::refuse_inputs(out, inputs.chain(room::files_of(&args.room)))?;
     }

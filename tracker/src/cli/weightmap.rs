@@ -54,7 +54,7 @@ pub(crate) struct WeightMapArgs {
 
 /// Runs the subcommand.
 pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
-    let inputs = outputs::paths_of(&args.video).into_iter().chain(args.background.paths());
+    let inputs = outputs::paths_of_all(&args.video).into_iter().chain(args.background.paths());
     outputs::refuse_inputs(&args.out, inputs.chain(room::files_of(&args.room)))?;
     let options = args.heads.options(1, args.published)?;
     let needs_empty = options.edges.moving_only;

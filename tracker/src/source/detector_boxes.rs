@@ -6,6 +6,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use shell::ranges::PIXELS;
+
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
@@ -107,6 +109,11 @@ fn parse_row(content: &str) -> std::result::Result<(u32, PixelBox, usize), Strin
     if !(width > 0.0 && height > 0.0) {
         return Err(format!("the box is {width} × {height} pixels; give a width and a height above 0"));
     }
+    for (name, value) in COLUMNS[2..6].iter().zip([left, top, width, height]) {
+        if let Some(problem) = PIXELS.defect(value) {
+            return Err(format!("{name} {problem}"));
+        }
+    }
     let pixel_box = PixelBox { left, top, width, height };
     Ok((frame as u32, pixel_box, count.saturating_sub(COLUMNS.len())))
 }
@@ -144,6 +151,7 @@ mod tests {
             ("1.5,1,1,1,5,5,1", "frames are"),
             ("1764151200,1,1,1,5,5,1", "to 100000000"),
             ("1,-1,1,1,0,5,1", "0 × 5 pixels"),
+            ("1,-1,1,1e300,5,5,1", "top is 1e300; give -1000000 to 1000000 pixels"),
             ("1,-1,1,1,5,5,1,-1,-1,-1,0.5", "1 appearance values"),
             ("1,-1,1,1,5,5,1,-1,-1,-1,x", "column 11"),
             ("\u{0}\u{1}binary", "no number"),
