@@ -1,10 +1,10 @@
-# make demo | test | lint | bench — each works as the first command on a fresh machine: `libraries` runs before
+# make demo | test | lint | bench | fuzz — each works as the first command on a fresh machine: `libraries` runs before
 # all, `setup` before the tests.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup libraries demo test lint bench
+.PHONY: help setup libraries demo test lint bench fuzz
 
 OFFICE := tests/office
 DEMO   := target/demo
@@ -16,6 +16,7 @@ help:
 	@echo "make test   all tests, and how many of them were skipped"
 	@echo "make lint   formatting, clippy, documentation"
 	@echo "make bench  accuracy and speed on the data with ground truth"
+	@echo "make fuzz   damaged and hostile files for every reader (about 10 minutes)"
 	@echo "make setup  install what is missing (OpenCV, FFmpeg, clang; for the tests of pages, Chromium)"
 
 setup: libraries
@@ -40,3 +41,6 @@ lint: libraries
 bench: libraries
 	cargo build --release --locked --workspace --bins $(FEATURES)
 	cargo bench --locked --workspace $(FEATURES)
+
+fuzz: libraries
+	FUZZ_ROUNDS=100000 cargo test --release --locked --workspace $(FEATURES) --test end_to_end parsers::

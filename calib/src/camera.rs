@@ -2,7 +2,9 @@
 
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point2, Point3, Unit, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
+use shell::ranges::{DISTORTION, LENS_PX, SIDE_PX};
 
+use crate::picture::size_defect;
 use crate::{Distortion, Error, Result};
 
 /// Mapping of directions to pixels: image size, focal lengths, principal point, distortion.
@@ -73,6 +75,16 @@ impl Intrinsics {
         if self.width == 0 || self.height == 0 {
             return Err(Error::Invalid(format!("the image size {} × {} is empty", self.width, self.height)));
         }
+        let (width, height) = (self.width, self.height);
+        if !SIDE_PX.contains(f64::from(width.max(height))) {
+            return Err(Error::Invalid(format!(
+                "the image size {width} × {height} is no camera's (at most {} a side)",
+                SIDE_PX.most
+            )));
+        }
+        if let Some(problem) = size_defect(width, height) {
+            return Err(Error::Invalid(format!("the image {problem}")));
+        }
         if !(self.fx > 0.0 && self.fy > 0.0 && self.fx.is_finite() && self.fy.is_finite()) {
             return Err(Error::Invalid(format!(
                 "the focal lengths {}, {} are not positive",
@@ -83,6 +95,15 @@ impl Intrinsics {
             return Err(Error::Invalid(
                 "the principal point or a distortion coefficient is not finite".into(),
             ));
+        }
+        let lens =
+            [self.fx, self.fy, self.cx, self.cy].map(|value| ("a number of the matrix", value, LENS_PX));
+        let coefficients = <[f64; 5]>::from(self.distortion);
+        let distortion = coefficients.map(|value| ("a distortion coefficient", value, DISTORTION));
+        for (name, value, range) in lens.into_iter().chain(distortion) {
+            if let Some(problem) = range.defect(value) {
+                return Err(Error::Invalid(format!("{name} {problem}")));
+            }
         }
         Ok(())
     }

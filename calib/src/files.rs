@@ -1,4 +1,4 @@
-//! Files: replaced in one step, never in place of an input, and the files of `calib intrinsics` and `calib pose`.
+//! Files: replaced in one step, read as text or TOML, and those of `calib intrinsics` and `calib pose`.
 
 use std::io::Write;
 use std::path::Path;
@@ -6,12 +6,12 @@ use std::path::Path;
 use nalgebra::Matrix3;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
+use shell::files::StagedFile;
 
 use crate::{Camera, Distortion, Error, Intrinsics, Result};
 
-/// Writes a file by way of a temporary file beside it, which then takes its name, so that a reader sees the old content
-/// or the new one, never a part. The data is not synchronised to the disk: after a power cut the file may be
-/// incomplete.
+/// Writes a file in one step, as [`StagedFile`] does: a reader, a full disk and a loss of power see the old content or
+/// the new one, never a part.
 ///
 /// # Errors
 /// [`Error::Io`] naming `path`; a file that stood there before is then untouched.
@@ -32,38 +32,12 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
             let (place, problem) = ("output".to_owned(), "is a folder; name a file in it".to_owned());
             return Err(Error::Content { path: path.to_owned(), place, problem });
         }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder).map_err(io)?;
-        let mut file =
-            tempfile::Builder::new().permissions(readable_by_all()).tempfile_in(folder).map_err(io)?;
+        let mut file = StagedFile::create(path).map_err(io)?;
         file.write_all(content).map_err(io)?;
-        staged.push((path, file));
+        staged.push(file);
     }
-    for (path, file) in staged {
-        file.persist(path).map_err(|e| Error::Io { path: path.to_owned(), source: e.error })?;
-    }
-    Ok(())
-}
-
-/// Refuses to write an output in place of an input, by whatever name it is called: the input would be lost.
-///
-/// # Errors
-/// [`Error::Content`] naming the output.
-pub fn refuse_input_as_output<'a>(output: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    // A path that does not exist yet cannot be an input.
-    let Ok(real) = output.canonicalize() else { return Ok(()) };
-    if inputs.into_iter().any(|input| input.canonicalize().is_ok_and(|input| input == real)) {
-        let (place, problem) =
-            ("output".to_owned(), "is an input and would be lost; name another".to_owned());
-        return Err(Error::Content { path: output.to_owned(), place, problem });
-    }
-    Ok(())
-}
-
-/// Permissions of a result, readable by all: temporary files are private by default.
-#[cfg(unix)]
-pub fn readable_by_all() -> std::fs::Permissions {
-    std::os::unix::fs::PermissionsExt::from_mode(0o644)
+    StagedFile::finish_all(staged)
+        .map_err(|(number, source)| Error::Io { path: files[number].0.to_owned(), source })
 }
 
 /// Text of a file.
@@ -217,21 +191,6 @@ mod tests {
         assert_eq!(written["translation"].as_array().unwrap()[2].as_float(), Some(3.0));
         std::fs::write(&path, pose).unwrap();
         assert!(read_intrinsics(&path).unwrap_err().to_string().contains("width"));
-    }
-
-    #[test]
-    fn an_input_is_no_output_by_any_name() {
-        let folder = tempfile::tempdir().unwrap();
-        let named = |name: &str| folder.path().join(name);
-        std::fs::write(named("a.png"), "a").unwrap();
-        std::fs::create_dir(named("deep")).unwrap();
-        let (input, other) = (named("a.png"), named("b.png"));
-        let refused =
-            |output: &Path| refuse_input_as_output(output, [other.as_path(), input.as_path()]).is_err();
-        assert!(refused(&input) && refused(&named("deep/../a.png")));
-        assert!(!refused(&other) && !refused(&named("deep/a.png")));
-        let said = refuse_input_as_output(&input, [input.as_path()]).unwrap_err().to_string();
-        assert!(said.contains("a.png") && said.contains("name another"), "{said}");
     }
 
     #[test]

@@ -7,11 +7,10 @@ mod cli;
 
 use std::process::ExitCode;
 
-use clap::Parser;
 use shell::console::{CANNOT, Console};
 
 fn main() -> ExitCode {
-    let arguments = cli::Arguments::parse();
+    let arguments: cli::Arguments = shell::console::arguments();
     let console = Console::start(arguments.verbose);
     console.end(arguments.command.run(), CANNOT)
 }

@@ -4,14 +4,32 @@
 //! section 4.6.4); a reader of the file has to turn the picture. All measurements in a picture (pixels, width and
 //! height, intrinsics) refer to the turned one.
 
-use std::io::Cursor;
+use std::io::{BufRead, Cursor, Seek};
+use std::ops::Deref;
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, RgbImage};
+use image::{
+    DynamicImage, EncodableLayout, ImageBuffer, ImageDecoder, ImageError, ImageFormat, ImageReader,
+    PixelWithColorType,
+};
 
 use crate::files::write_atomic;
 use crate::{Error, Result};
+
+/// Largest number of pixels of a picture: what a file claims is not believed beyond it, since a claim costs a few bytes
+/// and its pixels all memory.
+pub const MOST_PIXELS: u64 = 200_000_000;
+
+/// Problem of a picture of this size, if it is too large to be decoded.
+pub fn size_defect(width: u32, height: u32) -> Option<String> {
+    (u64::from(width) * u64::from(height) > MOST_PIXELS).then(|| {
+        format!(
+            "claims {width} × {height} pixels; {} megapixels are the most; make it smaller",
+            MOST_PIXELS / 1_000_000
+        )
+    })
+}
 
 /// Reads a picture upright.
 ///
@@ -23,6 +41,17 @@ pub fn read(path: &Path) -> Result<DynamicImage> {
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| undecodable(path, &e))?;
     picture.apply_orientation(orientation);
     Ok(picture)
+}
+
+/// Decodes a picture in memory as it is stored; `path` is for messages.
+///
+/// # Errors
+/// [`Error::Content`] when it cannot be decoded.
+pub fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    // Reading from memory does not fail.
+    let reader = reader.map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    DynamicImage::from_decoder(checked(path, reader)?).map_err(|e| undecodable(path, &e))
 }
 
 /// Width and height of an upright picture, pixels, without decoding it.
@@ -49,7 +78,12 @@ pub fn size(path: &Path) -> Result<(u32, u32)> {
 ///
 /// # Errors
 /// [`Error::Content`] for a name that states no format.
-pub fn encode(path: &Path, picture: &RgbImage) -> Result<Vec<u8>> {
+pub fn encode<P, C>(path: &Path, picture: &ImageBuffer<P, C>) -> Result<Vec<u8>>
+where
+    P: PixelWithColorType,
+    [P::Subpixel]: EncodableLayout,
+    C: Deref<Target = [P::Subpixel]>,
+{
     let refused = |e: &ImageError| Error::Content {
         path: path.to_owned(),
         place: "output".into(),
@@ -65,13 +99,28 @@ pub fn encode(path: &Path, picture: &RgbImage) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`encode`]; [`Error::Io`] when the file cannot be written.
-pub fn write(path: &Path, picture: &RgbImage) -> Result<()> {
+pub fn write<P, C>(path: &Path, picture: &ImageBuffer<P, C>) -> Result<()>
+where
+    P: PixelWithColorType,
+    [P::Subpixel]: EncodableLayout,
+    C: Deref<Target = [P::Subpixel]>,
+{
     write_atomic(path, &encode(path, picture)?)
 }
 
 fn decoder(path: &Path) -> Result<impl ImageDecoder> {
     let reader = ImageReader::open(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
-    reader.into_decoder().map_err(|e| undecodable(path, &e))
+    checked(path, reader)
+}
+
+/// Decoder of a picture whose claimed size can be believed: the one door of all pictures in files.
+fn checked<'a>(path: &Path, reader: ImageReader<impl BufRead + Seek + 'a>) -> Result<impl ImageDecoder + 'a> {
+    let decoder = reader.into_decoder().map_err(|e| undecodable(path, &e))?;
+    let (width, height) = decoder.dimensions();
+    match size_defect(width, height) {
+        None => Ok(decoder),
+        Some(problem) => Err(Error::Content { path: path.to_owned(), place: "image".into(), problem }),
+    }
 }
 
 fn undecodable(path: &Path, error: &ImageError) -> Error {
@@ -87,7 +136,7 @@ mod tests {
     use super::*;
     use crate::photograph::tests::{block, photograph_of};
     use exif::{Tag, Value};
-    use image::Rgb;
+    use image::{Rgb, RgbImage};
 
     /// Dark but for its upper left corner, wider than high.
     fn marked() -> RgbImage {
@@ -128,6 +177,42 @@ mod tests {
         for said in [read(&path).unwrap_err().to_string(), size(&path).unwrap_err().to_string()] {
             assert!(said.contains("a.png: image: cannot be decoded"), "{said}");
         }
+    }
+
+    /// A PNG file of a few bytes whose header claims a size.
+    fn claiming(width: u32, height: u32) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        RgbImage::new(1, 1).write_to(&mut bytes, ImageFormat::Png).unwrap();
+        let mut bytes = bytes.into_inner();
+        bytes[16..20].copy_from_slice(&width.to_be_bytes());
+        bytes[20..24].copy_from_slice(&height.to_be_bytes());
+        // CRC-32 of the chunk's name and content (ISO 3309), bit by bit.
+        let crc = bytes[12..29].iter().fold(u32::MAX, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 * (crc & 1)))
+        });
+        bytes[29..33].copy_from_slice(&(!crc).to_be_bytes());
+        bytes
+    }
+
+    #[test]
+    fn a_picture_that_claims_too_many_pixels_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bomb.png");
+        for (width, height, is_refused) in
+            [(65_500, 65_500, true), (30_000, 30_000, true), (200_001, 1000, true), (3, 2, false)]
+        {
+            let bytes = claiming(width, height);
+            std::fs::write(&path, &bytes).unwrap();
+            let errors = [size(&path).map(drop), read(&path).map(drop), decode(&path, &bytes).map(drop)];
+            for error in errors.into_iter().filter_map(std::result::Result::err) {
+                let line = error.to_string();
+                assert_eq!(line.contains("200 megapixels are the most"), is_refused, "{line}");
+                assert!(line.contains("bomb.png: image"), "{line}");
+            }
+            assert_eq!(size(&path).is_err(), is_refused, "{width} × {height}");
+        }
+        // The largest picture itself is judged by its size alone.
+        assert_eq!((size_defect(20_000, 10_000), size_defect(20_000, 10_001).is_some()), (None, true));
     }
 
     #[test]

@@ -9,13 +9,12 @@ mod cli;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::Parser;
 use shell::console::Console;
 
 fn main() -> ExitCode {
-    let arguments = cli::Arguments::parse();
+    let arguments: cli::Arguments = shell::console::arguments();
     let console = Console::start(arguments.verbose);
-    let mut out = std::io::stdout().lock();
+    let mut out = shell::console::stdout();
     let done = arguments.command.run(&mut out).and_then(|()| Ok(out.flush()?));
     console.end(done, arguments.command.failure())
 }

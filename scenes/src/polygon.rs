@@ -3,11 +3,17 @@
 use nalgebra::{Point2, Vector2};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
+use shell::ranges::ROOM_M;
 
 /// A simple polygon on the floor plane, in metres; either orientation, implicitly closed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Polygon(pub Vec<Point2<f64>>);
+
+/// Defect of a place on the floor that is in no room.
+pub(crate) fn coordinate_defect(place: &Point2<f64>) -> Option<String> {
+    place.iter().find_map(|metres| ROOM_M.defect(*metres))
+}
 
 impl Polygon {
     /// The axis-aligned rectangle between two corners.
@@ -39,13 +45,19 @@ impl Polygon {
         Self(hull)
     }
 
-    /// Defect for which the polygon is unusable: fewer than three corners, a number that is not finite, or no area.
+    /// Defect for which the polygon is unusable: fewer than three corners, a corner outside of every room, or no area.
     pub fn defect(&self) -> Option<String> {
         if self.0.len() < 3 {
             return Some(format!("a polygon needs at least 3 corners, this one has {}", self.0.len()));
         }
         if !self.0.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
             return Some("a corner is not a finite number".into());
+        }
+        let defect = |(i, corner): (usize, &Point2<f64>)| {
+            Some(format!("corner {} {}", i + 1, coordinate_defect(corner)?))
+        };
+        if let Some(problem) = self.0.iter().enumerate().find_map(defect) {
+            return Some(problem);
         }
         (self.area() < 1e-6).then(|| "the polygon has no area".into())
     }
@@ -160,6 +172,18 @@ fn distance_to_segment(p: &Point2<f64>, a: &Point2<f64>, b: &Point2<f64>) -> f64
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn corners_beyond_every_room_are_refused_with_the_range() {
+        for far in [10_000.5, -(2.0_f64.powi(31)), 2.0_f64.powi(63), 1e308] {
+            let mut corners = Polygon::rectangle(Point2::origin(), Point2::new(1.0, 1.0)).0;
+            corners[2].y = far;
+            let line = Polygon(corners).defect().unwrap();
+            assert!(line.contains("corner 3 is") && line.contains("-10000 to 10000 metres"), "{line}");
+        }
+        let largest = Polygon::rectangle(Point2::new(-1e4, -1e4), Point2::new(1e4, 1e4));
+        assert_eq!(largest.defect(), None);
+    }
     use approx::assert_relative_eq;
     use proptest::prelude::*;
     use rand::SeedableRng;

@@ -5,23 +5,74 @@
 //! from outside. A program that promises one clear line on standard error takes the stream for itself.
 
 use std::error::Error;
+use std::fmt;
 use std::fs::File;
-use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::io::{self, ErrorKind, IsTerminal, StdoutLock, Write};
 use std::os::fd::AsFd;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use clap::error::ErrorKind as ArgumentErrorKind;
 use indicatif::{ProgressBar, ProgressStyle};
+use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::registry::LookupSpan;
+
+use crate::plain_text::{self, PlainWriter};
 
 /// Exit status of a command that failed: bad input, misuse, a full disk.
 pub const CANNOT: u8 = 2;
 
 /// Interval between two progress lines where standard error is not a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
+/// Largest length of a message of the log, bytes, so that level and message fit into one line.
+const LONGEST_MESSAGE: usize = plain_text::LONGEST_LINE - 6;
 /// Levels of the log, the quietest first. The last one includes the log of the libraries below.
 const LEVELS: [&str; 4] = ["warn", "info", "debug", "trace"];
+
+/// Arguments of the program. Wrong ones are told in one line and end it with [`CANNOT`].
+pub fn arguments<A: clap::Parser>() -> A {
+    A::try_parse().unwrap_or_else(|error| {
+        let is_help = error.kind() == ArgumentErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
+        if is_help || !error.use_stderr() {
+            error.exit();
+        }
+        // There is no other place to report to when standard error is closed.
+        let _ = writeln!(
+            io::stderr(),
+            "error: {}",
+            plain_text::cut_to(&argument_problem(&error), LONGEST_MESSAGE - 1)
+        );
+        std::process::exit(i32::from(CANNOT));
+    })
+}
+
+/// Problem of wrong arguments on one line, without the advice that spans several.
+pub fn argument_problem(error: &clap::Error) -> String {
+    let text = error.render().to_string();
+    let lines = text
+        .split('\n')
+        .map(str::trim)
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
+        .filter(|line| !line.is_empty());
+    let problem = lines.fold(String::new(), |all, line| {
+        let gap = match all.as_str() {
+            "" => "",
+            _ if line.starts_with("tip:") => "; ",
+            _ => " ",
+        };
+        all + gap + line
+    });
+    plain_text::escaped(problem.trim_start_matches("error: "))
+}
+
+/// Standard output for text: control characters of files and names are escaped.
+pub fn stdout() -> PlainWriter<StdoutLock<'static>> {
+    PlainWriter::new(io::stdout().lock())
+}
 
 /// Standard error; a private copy of it where libraries print over the stream.
 #[derive(Debug, Clone)]
@@ -46,8 +97,7 @@ impl Console {
         tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_ansi(console.is_terminal())
-            .with_target(false)
-            .without_time()
+            .event_format(PlainEvents)
             .with_writer(move || log.writer())
             .init();
         // A panic must not end the program without a message.
@@ -64,10 +114,10 @@ impl Console {
         }
     }
 
-    /// Writes a line.
+    /// Writes a line, as [`plain_text::one_line`] makes it.
     pub fn line(&self, text: &str) {
         // There is no other place to report to when standard error is closed.
-        let _ = writeln!(self.writer(), "{text}");
+        let _ = writeln!(self.writer(), "{}", plain_text::one_line(text));
     }
 
     /// Exit status of finished work; an error is first printed in one line. A reader who closes the pipe early, as in
@@ -90,7 +140,7 @@ impl Console {
             } else {
                 "{msg} {spinner} {pos}, {per_sec}"
             };
-            self.shown(bar, line).with_message(what.to_owned())
+            self.shown(bar, line).with_message(plain_text::one_line(what))
         });
         Progress { what: what.to_owned(), steps, done: 0, bar, latest_line: Instant::now() }
     }
@@ -175,7 +225,7 @@ impl ProgressStages {
         match &self.bar {
             Some(bar) => {
                 bar.set_position(number as u64);
-                bar.set_message(what.to_owned());
+                bar.set_message(plain_text::one_line(what));
             }
             None => self.console.line(&format!("{number:2} of {}  {what}", self.of)),
         }
@@ -199,7 +249,7 @@ fn take_stderr() -> io::Result<File> {
     Ok(File::from(own))
 }
 
-/// One line with an error and its causes. A cause that the message already contains is not repeated.
+/// An error and its causes. A cause that the message already contains is not repeated.
 fn in_one_line(error: &dyn Error) -> String {
     let mut line = String::new();
     let mut next = Some(error);
@@ -211,7 +261,39 @@ fn in_one_line(error: &dyn Error) -> String {
         }
         next = cause.source();
     }
-    line.trim_end().replace('\n', " ")
+    line
+}
+
+/// Lines of the log: level and message, as [`plain_text::one_line`] makes them. The libraries' own details are not cut.
+struct PlainEvents;
+
+impl<S, N> FormatEvent<S, N> for PlainEvents
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(
+        &self,
+        context: &FmtContext<'_, S, N>,
+        mut writer: Writer<'_>,
+        event: &Event<'_>,
+    ) -> fmt::Result {
+        let mut message = String::new();
+        context.format_fields(Writer::new(&mut message), event)?;
+        let level = *event.metadata().level();
+        // Room for the level before it.
+        let message = plain_text::escaped(&message);
+        let message =
+            if level > Level::INFO { message } else { plain_text::cut_to(&message, LONGEST_MESSAGE) };
+        let color = match level {
+            _ if !writer.has_ansi_escapes() => return writeln!(writer, "{level:>5} {message}"),
+            Level::ERROR => 31,
+            Level::WARN => 33,
+            Level::INFO => 32,
+            _ => 34,
+        };
+        writeln!(writer, "\u{1b}[{color}m{level:>5}\u{1b}[0m {message}")
+    }
 }
 
 fn is_closed_pipe(error: &(dyn Error + 'static)) -> bool {
@@ -245,7 +327,27 @@ mod tests {
         assert_eq!(in_one_line(&missing()), "cam.toml: no such file");
         let wrapped = anyhow::Error::from(missing()).context("camera `a`");
         assert_eq!(in_one_line(wrapped.as_ref()), "camera `a`: cam.toml: no such file");
-        assert_eq!(in_one_line(&io::Error::other("two\nlines")), "two lines");
+        assert_eq!(plain_text::one_line(&in_one_line(&io::Error::other("two\nlines"))), "two lines");
+    }
+
+    #[derive(Debug, clap::Parser)]
+    struct Arguments {
+        #[arg(long)]
+        threads: u8,
+    }
+
+    #[test]
+    fn wrong_arguments_are_told_in_one_line() {
+        let problem = |words: &[&str]| {
+            let words = std::iter::once(&"program").chain(words);
+            argument_problem(&<Arguments as clap::Parser>::try_parse_from(words).unwrap_err())
+        };
+        let said = problem(&["--threads", "9\u{1b}[2J\n9"]);
+        assert!(said.starts_with("invalid value '9\\u{1b}[2J 9' for '--threads <THREADS>'"), "{said}");
+        let said = problem(&["--thread", "9"]);
+        assert!(said.contains("unexpected argument '--thread'; tip: a similar argument"), "{said}");
+        let said = problem(&[]);
+        assert!(said.contains("not provided: --threads <THREADS>") && !said.contains('\n'), "{said}");
     }
 
     #[test]

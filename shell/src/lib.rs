@@ -1,10 +1,16 @@
 //! User interface of the project's programs: terminal, drawings and local web pages.
 //!
 //! * [`console`] — start and end of a program: log, progress, one line of error, exit status. Start here.
+//! * [`plain_text`] — text of files and names, made safe for a terminal.
+//! * [`files`] — files that are written whole or not at all, and never in place of an input.
+//! * [`ranges`] — the ranges of numbers in files and options.
 //! * [`canvas`] — drawing: shapes and text over pictures.
 //! * [`loopback`] — pages that a program serves to its own machine.
 #![forbid(unsafe_code)]
 
 pub mod canvas;
 pub mod console;
+pub mod files;
 pub mod loopback;
+pub mod plain_text;
+pub mod ranges;

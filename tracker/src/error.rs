@@ -56,6 +56,9 @@ pub enum Error {
     /// An error of a camera model, of OpenCV or of a file below this crate.
     #[error(transparent)]
     Calib(#[from] calib::Error),
+    /// A folder of results that cannot be locked.
+    #[error(transparent)]
+    Lock(#[from] shell::files::LockError),
     /// An address at which the page cannot be served.
     #[error(transparent)]
     Listen(#[from] shell::loopback::ListenError),

@@ -8,13 +8,12 @@ mod cli;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::Parser;
 use shell::console::{CANNOT, Console};
 
 fn main() -> ExitCode {
-    let arguments = cli::Arguments::parse();
+    let arguments: cli::Arguments = shell::console::arguments();
     let console = Console::start(1 + arguments.verbose);
-    let printed =
-        cli::run(&arguments, &console).and_then(|text| Ok(std::io::stdout().write_all(text.as_bytes())?));
+    let printed = cli::run(&arguments, &console)
+        .and_then(|text| Ok(shell::console::stdout().write_all(text.as_bytes())?));
     console.end(printed, CANNOT)
 }

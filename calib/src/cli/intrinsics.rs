@@ -5,10 +5,11 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::bail;
-use calib::files::refuse_input_as_output;
 use calib::picture;
 use calib::vision::chessboard::Chessboard;
 use clap::Args;
+use shell::files::Outputs;
+use shell::ranges::SIZE_M;
 
 /// Estimate a camera's intrinsics from pictures of a chessboard.
 #[derive(Args)]
@@ -26,7 +27,7 @@ pub(crate) struct Intrinsics {
     #[arg(long)]
     pattern: Chessboard,
     /// Side of a square, metres
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", value_parser = SIZE_M.number())]
     square: f64,
     /// File to write the intrinsics to (TOML, as `room.toml` names it)
     #[arg(long, value_name = "FILE")]
@@ -41,14 +42,10 @@ const OUTLIER_FACTOR: f64 = 3.0;
 
 impl Intrinsics {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
-        if !(self.square > 0.0 && self.square.is_finite()) {
-            bail!("--square {}: a square's side is a positive number of metres", self.square);
-        }
         let drawings = self.drawings();
-        for output in drawings.iter().chain([&self.out]) {
-            refuse_input_as_output(output, self.images.iter().map(PathBuf::as_path))?;
-        }
-        let mut out = std::io::stdout().lock();
+        let outputs = drawings.iter().chain([&self.out]).map(PathBuf::as_path);
+        Outputs::new(outputs).refuse(&self.images)?;
+        let mut out = shell::console::stdout();
         let (mut views, mut names, mut size) = (Vec::new(), Vec::new(), None);
         for (index, path) in self.images.iter().enumerate() {
             let mut picture = picture::read(path)?.into_rgb8();

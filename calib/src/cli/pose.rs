@@ -4,13 +4,15 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use calib::files::{read_intrinsics, refuse_input_as_output, write_together};
+use calib::files::{read_intrinsics, write_together};
 use calib::picture;
 use calib::resection::{Pick, Resection, resect, resect_with_lens};
 use clap::Args;
 use image::Rgb;
 use nalgebra::Point2;
 use serde::Deserialize;
+use shell::files::Outputs;
+use shell::ranges::{PIXELS, ROOM_M, SIDE_PX};
 
 /// Estimate a camera's pose from known points and their pixels.
 #[derive(Args)]
@@ -51,7 +53,10 @@ pub(crate) struct Pose {
 
 fn size(text: &str) -> Result<(u32, u32), &'static str> {
     let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    sides.filter(|(w, h)| *w > 0 && *h > 0).ok_or("a size is width and height in pixels, such as 640x480")
+    let is_side = |side: u32| SIDE_PX.contains(f64::from(side));
+    sides
+        .filter(|(w, h)| is_side(*w) && is_side(*h))
+        .ok_or("a size is width and height, 1 to 20000 pixels each, such as 640x480")
 }
 
 #[derive(Deserialize)]
@@ -85,7 +90,7 @@ impl Pose {
         files.extend(picture.iter().map(|(path, bytes)| (path.as_path(), bytes.as_slice())));
         write_together(&files)?;
 
-        let mut out = std::io::stdout().lock();
+        let mut out = shell::console::stdout();
         for (index, residual) in found.resection.residuals_px.iter().enumerate() {
             writeln!(out, "pick {:2}  {residual:6.2} px", index + 1)?;
         }
@@ -111,15 +116,9 @@ impl Pose {
     }
 
     fn refuse_lost_inputs(&self) -> anyhow::Result<()> {
-        let inputs =
-            || [Some(&self.picks), self.intrinsics.as_ref(), self.image.as_ref()].into_iter().flatten();
-        for output in [Some(&self.out), self.picture.as_ref()].into_iter().flatten() {
-            refuse_input_as_output(output, inputs().map(PathBuf::as_path))?;
-        }
-        if self.picture.as_ref() == Some(&self.out) {
-            bail!("{}: --out and --picture name the same file; name two", self.out.display());
-        }
-        Ok(())
+        let outputs = [Some(&self.out), self.picture.as_ref()].into_iter().flatten().map(PathBuf::as_path);
+        let inputs = [Some(&self.picks), self.intrinsics.as_ref(), self.image.as_ref()];
+        Ok(Outputs::new(outputs).refuse(inputs.into_iter().flatten())?)
     }
 
     fn resect(&self, picks: &[Pick]) -> anyhow::Result<PoseEstimate> {
@@ -157,6 +156,18 @@ fn read_picks(path: &Path) -> anyhow::Result<Vec<Pick>> {
     let mut picks = Vec::new();
     for (index, row) in reader.deserialize().enumerate() {
         let row: PickRow = row.with_context(|| format!("{name}: point {}: expected x,y,z,u,v", index + 1))?;
+        let columns = [
+            ("x", row.x, ROOM_M),
+            ("y", row.y, ROOM_M),
+            ("z", row.z, ROOM_M),
+            ("u", row.u, PIXELS),
+            ("v", row.v, PIXELS),
+        ];
+        for (column, value, range) in columns {
+            if let Some(problem) = range.defect(value) {
+                bail!("{name}: point {}: {column} {problem}", index + 1);
+            }
+        }
         picks.push(Pick { world: [row.x, row.y, row.z].into(), pixel: Point2::new(row.u, row.v) });
     }
     if picks.is_empty() {

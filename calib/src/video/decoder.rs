@@ -13,6 +13,7 @@ use image::RgbImage;
 use super::container;
 use super::pixels::{self, RgbBuffers};
 use super::stamp::{FrameStamp, PacketTimes, PresentationClock};
+use crate::picture;
 
 /// Longest time that a stream may take to open, and between two of its frames.
 const OPENS_WITHIN: Duration = Duration::from_secs(10);
@@ -93,8 +94,10 @@ impl Decoder {
         let shown_until = if is_end_known { stream.start_time() + stream.duration() } else { i64::MAX };
         let mut decoder = context.decoder();
         decoder.set_packet_time_base(tick);
+        let known = decoder::find(codec).ok_or(Error::DecoderNotFound)?;
+        let limits = ffmpeg::dict!("max_pixels" => &picture::MOST_PIXELS.to_string());
         Ok(Self {
-            codec: decoder.video()?,
+            codec: decoder.open_as_with(known, limits)?.video()?,
             input,
             stream: index,
             picture: frame::Video::empty(),

@@ -133,7 +133,7 @@ impl FrameSource {
         };
         let mut decoder = opened.map_err(|error| undecodable(&error.to_string()))?;
         if !decoder.advance() {
-            return Err(undecodable("there is no picture in it"));
+            return Err(undecodable("there is no picture in it, or one of more than 200 megapixels"));
         }
         let (width, height) = decoder.size();
         Ok(Self {

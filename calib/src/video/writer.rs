@@ -1,5 +1,6 @@
 //! Films out: an MP4 that browsers and players open, under a temporary name until it is finished.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use ffmpeg::codec::{self, encoder, packet::Packet};
@@ -139,8 +140,10 @@ impl FilmWriter {
         self.encoder.send_eof().map_err(|error| self.refused(error))?;
         self.write_what_is_encoded()?;
         self.output.write_trailer().map_err(|error| self.refused(error))?;
-        std::fs::rename(&self.partial, &self.target)
-            .map_err(|source| Error::Io { path: self.target.clone(), source })
+        // A full disk may show only now.
+        let named = File::open(&self.partial).and_then(|film| film.sync_all());
+        let named = named.and_then(|()| std::fs::rename(&self.partial, &self.target));
+        named.map_err(|source| Error::Io { path: self.target.clone(), source })
     }
 
     fn refused(&self, error: ffmpeg::Error) -> Error {

@@ -13,6 +13,9 @@ use opencv::{calib3d, imgproc};
 use super::adapter;
 use crate::{Error, Intrinsics, Result};
 
+/// Numbers of inner corners on a side.
+const SIDES: std::ops::RangeInclusive<u32> = 3..=500;
+
 /// Standard deviation of detected corners; a smaller residual does not mean a better estimate.
 const CORNER_SIGMA_PX: f64 = 0.1;
 /// Largest relative standard deviation of a focal length that the views may leave.
@@ -36,10 +39,10 @@ impl FromStr for Chessboard {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let sides = text.split_once('x').and_then(|(c, r)| Some((c.parse().ok()?, r.parse().ok()?)));
         match sides {
-            Some((columns, rows)) if columns >= 3 && rows >= 3 => Ok(Self { columns, rows }),
-            _ => {
-                Err(format!("`{text}` is no pattern; write its inner corners, at least 3 each way, like 9x6"))
+            Some((columns, rows)) if SIDES.contains(&columns) && SIDES.contains(&rows) => {
+                Ok(Self { columns, rows })
             }
+            _ => Err(format!("`{text}` is no pattern; write its inner corners, 3 to 500 each way, like 9x6")),
         }
     }
 }

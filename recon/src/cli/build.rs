@@ -1,12 +1,16 @@
 //! `recon build`: builds a room directory from a capture project.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::ValueEnum;
 use recon::dense::DenseOptions;
 use recon::pipeline::{self, BuildOptions, BuildReport};
+use recon::project::Project;
 use shell::console::{Console, ProgressStages};
+use shell::files::{FolderLock, LockError, Outputs};
+use shell::ranges::THREADS;
 
 /// Build a room directory from a capture project.
 ///
@@ -45,7 +49,7 @@ pub(crate) struct Build {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Threads to work with; all processors by default. The room is the same for any number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = THREADS.whole::<u16>())]
     threads: Option<u16>,
 }
 
@@ -75,9 +79,27 @@ pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Locks a room for one build at a time, by a file in the folder that it is, or will be, in: the room itself is replaced.
+/// Where no file can be made, no room can be made, which is told later.
+fn lock(out: &Path) -> anyhow::Result<Option<FolderLock>> {
+    let absolute = std::path::absolute(out).with_context(|| out.display().to_string())?;
+    let above = absolute.ancestors().skip(1).find(|folder| folder.is_dir()).unwrap_or(Path::new("/"));
+    let name = absolute.file_name().unwrap_or_default().to_string_lossy();
+    let file = above.join(format!(".{name}{}", FolderLock::NAME));
+    match FolderLock::take_file(&file, out, "recon build", Duration::ZERO) {
+        Ok(lock) => Ok(Some(lock)),
+        Err(LockError::Io { .. }) => Ok(None),
+        Err(held) => Err(held.into()),
+    }
+}
+
 impl Build {
     pub(crate) fn run(&self, console: &Console) -> anyhow::Result<()> {
         limit_threads(self.threads)?;
+        let files = [Some(&self.project), self.zones.as_ref(), self.options.as_ref()];
+        let captures = Project::inputs(&self.project);
+        Outputs::new([self.out.as_path()]).refuse(files.into_iter().flatten().chain(&captures))?;
+        let _lock = lock(&self.out)?;
         let mut options = match &self.options {
             Some(file) => BuildOptions::read(file)?,
             None => BuildOptions { dense: self.quality.dense(), ..BuildOptions::default() },

@@ -9,6 +9,8 @@ use recon::project::{PickedPoint, Project};
 use recon::proposals::{self, CameraPair, Correspondence, ProposalOptions};
 use recon::surface::Surface;
 use shell::console::{Console, ProgressStages};
+use shell::files::Outputs;
+use shell::ranges::THREADS;
 
 use super::build::Quality;
 
@@ -50,7 +52,7 @@ pub(crate) struct Picks {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Threads to work with; all processors by default. The points are the same for any number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = THREADS.whole::<u16>())]
     threads: Option<u16>,
 }
 
@@ -68,6 +70,9 @@ impl Picks {
         if picture == self.out {
             bail!("{}: tables and picture need files of their own; give --picture", self.out.display());
         }
+        let of_room = self.room.as_deref().map(scenes::room::files_of).unwrap_or_default();
+        let inputs = Project::inputs(&self.project).into_iter().chain(of_room).chain([self.project.clone()]);
+        Outputs::new([self.out.as_path(), picture.as_path()]).refuse(inputs)?;
         let options =
             BuildOptions { seed: self.seed, dense: self.quality.dense(), ..BuildOptions::default() };
         let mut stages: Option<ProgressStages> = None;

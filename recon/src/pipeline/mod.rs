@@ -11,6 +11,7 @@ mod output;
 mod preview;
 mod reference_view;
 mod report;
+mod workplace;
 
 use std::path::Path;
 use std::sync::Mutex;

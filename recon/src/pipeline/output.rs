@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 use scenes::room::{Room, SCENE_FILE};
+use shell::files::sync_folder;
 
+use super::workplace::{self, Workplace};
 use crate::{Error, Result};
 
 const REFERENCES: &str = "reference";
@@ -24,6 +26,7 @@ const JPEG_QUALITY: u8 = 95;
 /// [`Error::Content`] when the target cannot be written or replaced without loss: hours of work must not end there.
 pub(super) fn check_target(out: &Path) -> Result<Option<Room>> {
     let refuse = |problem: &str| Err(Error::content(out, "--out", problem));
+    workplace::clear_up(out);
     if !out.exists() {
         return check_creatable(out).map(|()| None);
     }
@@ -77,9 +80,8 @@ pub(super) fn write(
     let out = &std::path::absolute(out).map_err(io(out))?;
     let parent = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(parent).map_err(io(parent))?;
-    let beside = tempfile::Builder::new().prefix(".recon-").tempdir_in(parent).map_err(io(parent))?;
-    let fresh = beside.path().join("room");
-    fs::create_dir(&fresh).map_err(io(&fresh))?;
+    let beside = Workplace::new(parent, out)?;
+    let fresh = beside.fresh();
     for (camera, (name, image)) in room.cameras.iter_mut().zip(references) {
         let relative = PathBuf::from(REFERENCES).join(format!("{name}.jpg"));
         write_jpeg(&fresh.join(&relative), image)?;
@@ -88,9 +90,10 @@ pub(super) fn write(
     room.write(&fresh)?;
     more(&fresh, room)?;
     if !out.exists() {
-        return fs::rename(&fresh, out).map_err(io(out));
+        return fs::rename(&fresh, out).and_then(|()| sync_folder(parent)).map_err(io(out));
     }
-    let before = exchange(&fresh, out, &beside.path().join("before")).map_err(io(out))?;
+    let before = exchange(&fresh, out, &beside.before()).map_err(io(out))?;
+    sync_folder(parent).map_err(io(parent))?;
     if let Err(source) = take_over_foreign(&before, out) {
         // The old room stays in place, so that no foreign file is lost.
         let cache = beside.keep();
@@ -120,7 +123,7 @@ fn exchange(fresh: &Path, out: &Path, elsewhere: &Path) -> io::Result<PathBuf> {
 }
 
 /// Moves foreign files, those that the new room does not have, into it.
-fn take_over_foreign(before: &Path, out: &Path) -> io::Result<()> {
+pub(super) fn take_over_foreign(before: &Path, out: &Path) -> io::Result<()> {
     for entry in fs::read_dir(before)? {
         let name = entry?.file_name();
         if out.join(&name).symlink_metadata().is_err() {

@@ -128,6 +128,11 @@ impl Project {
         Ok((cameras, points))
     }
 
+    /// Files and folders that a project file names: captures and intrinsics. None of one that cannot be read.
+    pub fn inputs(path: &Path) -> Vec<PathBuf> {
+        calib::files::read_toml::<ProjectFile>(path).map(|file| file.inputs(path)).unwrap_or_default()
+    }
+
     /// All pixels of one camera that need a depth: its picks, and the ends of a known distance.
     pub fn pixels_of(&self, camera: usize) -> Vec<Point2<f64>> {
         let ends = match &self.scale {

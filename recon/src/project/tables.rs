@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
 use serde::Deserialize;
+use shell::ranges::DISTANCE_M;
 
 use super::{PickedPoint, ProjectCamera, Scale};
 use crate::capture::ReferenceFrame;
@@ -79,6 +80,20 @@ impl ProjectFile {
         self.point.iter().enumerate().map(|(i, table)| point(path, i + 1, table, cameras)).collect()
     }
 
+    /// Captures and intrinsics that the cameras name.
+    pub(super) fn inputs(&self, path: &Path) -> Vec<PathBuf> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let named =
+            self.camera.iter().flat_map(|camera| std::iter::once(&camera.capture).chain(&camera.intrinsics));
+        let path_of = |file: &PathBuf| {
+            let file = folder.join(file);
+            // The files of a pattern are in its folder.
+            let is_pattern = file.to_string_lossy().contains('%') && !file.exists();
+            file.parent().filter(|_| is_pattern).map_or(file.clone(), Path::to_owned)
+        };
+        named.map(path_of).collect()
+    }
+
     /// Source of the metric scale.
     pub(super) fn scale(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Scale> {
         let Some(table) = &self.scale else {
@@ -138,14 +153,12 @@ fn point(
 fn scale_of(path: &Path, table: &ScaleTable, cameras: &[ProjectCamera]) -> Result<Scale> {
     let camera = camera_called(path, "[scale], camera", &table.camera, cameras)?;
     let positive = |key: &str, value: f64| {
-        if value.is_finite() && value > 0.0 {
-            return Ok(value);
-        }
-        Err(Error::content(
-            path,
-            format!("[scale], {key}"),
-            format!("{value} is not a positive number of metres"),
-        ))
+        let problem = if value.is_finite() && value > 0.0 {
+            DISTANCE_M.defect(value)
+        } else {
+            Some(format!("{value} is not a positive number of metres"))
+        };
+        problem.map_or(Ok(value), |problem| Err(Error::content(path, format!("[scale], {key}"), problem)))
     };
     let distance = (table.from, table.to, table.metres);
     let board = (table.board.as_deref(), table.square);

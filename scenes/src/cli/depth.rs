@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use scenes::depth::{DepthMap, png, render};
 use scenes::raycast::RayScene;
-use scenes::room::Room;
+use scenes::room::{self, Room};
+use shell::files::Outputs;
 
 /// Write the depth of a camera's image as 16-bit PNG.
 ///
@@ -26,6 +27,7 @@ pub(crate) struct Depth {
 
 impl Depth {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
+        Outputs::new([self.out.as_path()]).refuse(room::files_of(&self.room))?;
         let room = Room::read(&self.room)?;
         let camera = &room.camera(&self.camera)?.camera;
         let map = if let Some(geometry) = &room.geometry {

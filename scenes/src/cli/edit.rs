@@ -19,7 +19,8 @@ pub(crate) struct Edit {
     /// Port to listen on; 0 takes any free one.
     #[arg(long, value_name = "PORT", default_value_t = 8080)]
     port: u16,
-    /// Address to listen on. Anyone who can reach an address other than the loopback can change the zones.
+    /// Address to listen on. Beyond the loopback the page needs a token: the printed link carries it, and the browser keeps
+    /// it as a cookie.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
     host: String,
 }
@@ -31,9 +32,9 @@ impl Edit {
         let session = Session::open(&self.room)?;
         let address = server.address();
         if !address.ip().is_loopback() {
-            tracing::warn!("{address} is no loopback address: whoever reaches it can change the zones");
+            tracing::warn!("{address} is no loopback address: whoever has the link can change the zones");
         }
-        writeln!(out, "{}: edit its zones at http://{address}/ (Ctrl-C ends)", self.room.display())?;
+        writeln!(out, "{}: edit its zones at {} (Ctrl-C ends)", self.room.display(), server.link())?;
         out.flush()?;
         Ok(server.run(session)?)
     }

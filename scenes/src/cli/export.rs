@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use scenes::exchange::{colmap, nerfstudio};
-use scenes::room::Room;
+use scenes::room::{self, Room};
+use shell::files::Outputs;
 
 /// Write a room for another program.
 #[derive(Args)]
@@ -33,6 +34,7 @@ enum Format {
 
 impl Export {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
+        Outputs::new([self.out.as_path()]).refuse(room::files_of(&self.room))?;
         let room = Room::read(&self.room)?;
         match self.format {
             Format::Colmap => colmap::write(&self.out, &room)?,

@@ -6,6 +6,7 @@ use clap::Args;
 use scenes::exchange::{self, calib_files};
 use scenes::geometry::{ply, vec3_from_point};
 use scenes::room::{GEOMETRY_FILE, Room, SCENE_FILE};
+use shell::files::Outputs;
 
 /// Make a room directory from cameras and a mesh or cloud.
 ///
@@ -44,6 +45,9 @@ fn camera(text: &str) -> Result<(String, PathBuf, PathBuf), String> {
 
 impl Import {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
+        let of_cameras = self.camera.iter().flat_map(|(_, lens, pose)| [lens, pose]);
+        let inputs = self.model.iter().chain(&self.geometry).chain(of_cameras);
+        Outputs::new([self.out.as_path()]).refuse(inputs)?;
         let mut cameras = self.model.as_deref().map(exchange::cameras).transpose()?.unwrap_or_default();
         for (name, lens, pose) in &self.camera {
             cameras.push(calib_files::camera(name, lens, pose)?);

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use clap::Args;
 use image::ImageFormat;
 use scenes::plan::{FloorPlan, PlanOptions};
-use scenes::room::Room;
+use scenes::room::{self, Room};
+use shell::files::Outputs;
+use shell::ranges::ROOM_M;
 
 /// Draw the floor plan of a room: the room from above with the ceiling cut away, its zones and cameras.
 #[derive(Args)]
@@ -22,17 +24,13 @@ pub(crate) struct Plan {
     #[arg(long, value_name = "PX", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(200..=8192))]
     size: u32,
     /// Height at which the room is cut open, metres [default: 2, or 0.3 below a lower ceiling].
-    #[arg(long, value_name = "M", value_parser = height)]
+    #[arg(long, value_name = "M", value_parser = ROOM_M.number())]
     cut: Option<f64>,
-}
-
-fn height(text: &str) -> Result<f64, &'static str> {
-    let finite = text.parse().ok().filter(|metres: &f64| metres.is_finite());
-    finite.ok_or("a height is a number of metres, such as 2.1")
 }
 
 impl Plan {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
+        Outputs::new([self.out.as_path()]).refuse(room::files_of(&self.room))?;
         let room = Room::read(&self.room)?;
         if room.geometry.is_none() {
             tracing::warn!(

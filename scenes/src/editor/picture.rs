@@ -81,7 +81,7 @@ fn reference(path: &Path) -> Option<Picture> {
         ImageFormat::Jpeg => "image/jpeg",
         _ => return None,
     };
-    image::load_from_memory(&bytes).ok()?;
+    calib::picture::decode(path, &bytes).ok()?;
     Some(Picture { bytes, media_type })
 }
 

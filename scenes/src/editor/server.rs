@@ -18,7 +18,7 @@ use super::page::FILES;
 use super::picture::Picture;
 use super::session::{OutlinesRequest, PlaceRequest, Session, ZonesRequest};
 use crate::Error;
-use shell::loopback::{Answer, Listener, PageFile};
+use shell::loopback::{AccessToken, Answer, ListenError, Listener, PageFile};
 
 /// Largest body that is read.
 const MOST_BODY_BYTES: usize = 1 << 20;
@@ -30,12 +30,26 @@ const JSON: &str = "application/json";
 pub struct Server(Listener);
 
 impl Server {
-    /// Listens on an address of this machine, by name or number; port 0 is any free one.
+    /// Listens on an address of this machine, by name or number; port 0 is any free one. Beyond the loopback, requests need
+    /// a random token, which [`link`](Self::link) carries.
     ///
     /// # Errors
     /// [`Error::Listen`] when the address is not this machine's, or the port is in use or reserved.
     pub fn bind(host: &str, port: u16) -> crate::Result<Self> {
-        Ok(Self(Listener::bind(host, port, "--port")?))
+        let listener = Listener::bind(host, port, "--port")?;
+        if listener.address().ip().is_loopback() {
+            return Ok(Self(listener));
+        }
+        let token = AccessToken::random().map_err(|e| ListenError {
+            address: listener.address().to_string(),
+            problem: format!("there is no random token ({e}); leave out --host"),
+        })?;
+        Ok(Self(listener.with_token(token)))
+    }
+
+    /// Address of the page for a person to open, with the token if there is one.
+    pub fn link(&self) -> String {
+        self.0.link()
     }
 
     /// Address of the socket.
@@ -48,7 +62,7 @@ impl Server {
     /// # Errors
     /// An I/O error when the system closes the socket.
     pub fn run(self, session: Session) -> io::Result<()> {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         runtime.block_on(self.0.serve(routes(Arc::new(session))))
     }
 }

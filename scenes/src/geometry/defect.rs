@@ -1,6 +1,7 @@
 //! Defects for which a mesh or a cloud cannot be intersected: the element and its problem.
 
 use glam::Vec3;
+use shell::ranges::{ROOM_M, SIZE_M};
 
 use super::{Disc, Mesh};
 
@@ -8,6 +9,15 @@ use super::{Disc, Mesh};
 const UNIT_TOLERANCE: f32 = 1e-3;
 
 type Defect = (String, String);
+
+/// Defect of a vertex that is in no room.
+fn place_defect(i: usize, place: Vec3) -> Option<Defect> {
+    if !place.is_finite() {
+        return Some(not_finite(format!("vertex {i}")));
+    }
+    let problem = place.to_array().into_iter().find_map(|metres| ROOM_M.defect(f64::from(metres)))?;
+    Some((format!("vertex {i}"), format!("a coordinate {problem}")))
+}
 
 fn not_finite(place: String) -> Defect {
     (place, "a number is not finite; remove the element or write it again".into())
@@ -21,8 +31,8 @@ pub(super) fn of_mesh(mesh: &Mesh) -> Option<Defect> {
             format!("{} colours for {} vertices", mesh.colors.len(), mesh.vertices.len()),
         ));
     }
-    if let Some(i) = mesh.vertices.iter().position(|v| !v.is_finite()) {
-        return Some(not_finite(format!("vertex {i}")));
+    if let Some(defect) = mesh.vertices.iter().enumerate().find_map(|(i, v)| place_defect(i, *v)) {
+        return Some(defect);
     }
     let count = mesh.vertices.len();
     mesh.triangles.iter().enumerate().find_map(|(i, triangle)| {
@@ -35,10 +45,15 @@ pub(super) fn of_mesh(mesh: &Mesh) -> Option<Defect> {
 pub(super) fn of_discs(discs: &[Disc]) -> Option<Defect> {
     discs.iter().enumerate().find_map(|(i, d)| {
         let place = || format!("vertex {i}");
-        if !(d.center.is_finite() && d.normal.is_finite() && d.radius.is_finite()) {
+        let defect = place_defect(i, d.center);
+        if defect.is_some() {
+            defect
+        } else if !(d.normal.is_finite() && d.radius.is_finite()) {
             Some(not_finite(place()))
         } else if d.radius <= 0.0 {
             Some((place(), format!("the radius {} is not positive", d.radius)))
+        } else if let Some(problem) = SIZE_M.defect(f64::from(d.radius)).filter(|_| d.radius > 1.0) {
+            Some((place(), format!("the radius {problem}")))
         } else if d.normal == Vec3::ZERO {
             Some((place(), "the normal is zero; estimate normals or remove the point".into()))
         } else if (d.normal.length() - 1.0).abs() > UNIT_TOLERANCE {

@@ -2,10 +2,11 @@
 
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
+use shell::ranges::INTERVAL_S;
 
 use super::Zone;
 use super::drawing::{MOST_CORNERS, name_defect, outline_defect};
-use crate::polygon::{Polygon, segments_meet};
+use crate::polygon::{Polygon, coordinate_defect, segments_meet};
 
 /// Name that the counts of the whole room have; no region or line may have it.
 const WHOLE_ROOM: &str = "room";
@@ -55,6 +56,10 @@ impl Line {
         if !self.points.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
             return Some("a point is not a finite number".into());
         }
+        let defect = |(i, point)| Some(format!("point {} {}", i + 1, coordinate_defect(point)?));
+        if let Some(problem) = self.points.iter().enumerate().find_map(defect) {
+            return Some(problem);
+        }
         let pieces: Vec<_> = self.pieces().collect();
         if let Some(i) = pieces.iter().position(|(a, b)| (b - a).norm() < LEAST_PIECE_M) {
             return Some(format!("points {} and {} are the same; remove one", i + 1, i + 2));
@@ -94,8 +99,8 @@ pub(super) fn defect(zones: &[Zone], regions: &[Region], lines: &[Line]) -> Opti
     };
     for (i, region) in regions.iter().enumerate() {
         let dwell = || {
-            let seconds = region.dwell_s.filter(|s| !(s.is_finite() && *s > 0.0))?;
-            Some(format!("dwell_s is {seconds}; give a number of seconds above 0, or leave it out"))
+            let problem = region.dwell_s.and_then(|seconds| INTERVAL_S.defect(seconds))?;
+            Some(format!("dwell_s {problem}, or leave it out"))
         };
         if let Some(problem) =
             named(&region.name, "region").or_else(|| outline_defect(&region.polygon)).or_else(dwell)

@@ -22,7 +22,7 @@ use crate::{Error, Result};
 
 pub use geo::Geo;
 pub use marking::{Line, Region};
-pub use read::{Markings, read_markings};
+pub use read::{Markings, files_of, read_markings};
 pub use replace_zones::{SceneVersion, replace_zones};
 
 /// Name of the file of a room directory that names all others.

@@ -75,6 +75,27 @@ impl Room {
     }
 }
 
+/// Files of a room directory, and the directory itself: what an output must not take the place of. Of a directory that
+/// cannot be read, as many as are known.
+pub fn files_of(dir: &Path) -> Vec<PathBuf> {
+    #[derive(Deserialize)]
+    struct Named {
+        geometry: Option<PathBuf>,
+        #[serde(default)]
+        camera: Vec<NamedCamera>,
+    }
+    #[derive(Deserialize)]
+    struct NamedCamera {
+        reference: Option<PathBuf>,
+    }
+    let path = dir.join(SCENE_FILE);
+    let named = read_toml::<Named>(&path).ok();
+    let more = named.into_iter().flat_map(|named| {
+        named.geometry.into_iter().chain(named.camera.into_iter().filter_map(|camera| camera.reference))
+    });
+    [dir.to_owned(), path].into_iter().chain(more.map(|file| dir.join(file))).collect()
+}
+
 pub(super) fn scene_file_in(dir: &Path) -> Result<PathBuf> {
     let path = dir.join(SCENE_FILE);
     let problem = if !dir.exists() {

@@ -1,11 +1,10 @@
 //! Checks of the invariants of a room.
 
+use shell::ranges::ROOM_M;
+
 use super::drawing::{name_defect, outline_defect};
 use super::{Room, RoomCamera, Zone, marking};
 use crate::{Error, Result};
-
-/// Largest side of a camera's image; a misplaced digit must not exhaust memory.
-const LARGEST_SIDE_PX: u32 = 20_000;
 
 impl Room {
     /// Checks the invariants that every other part of the program relies on.
@@ -102,14 +101,14 @@ fn camera_defect(camera: &RoomCamera) -> Option<String> {
     if let Err(e) = intrinsics.validate() {
         return Some(e.to_string());
     }
-    if intrinsics.width.max(intrinsics.height) > LARGEST_SIDE_PX {
-        return Some(format!(
-            "the image size {} × {} is no camera's (at most {LARGEST_SIDE_PX} a side)",
-            intrinsics.width, intrinsics.height
-        ));
-    }
     let pose = &camera.camera.camera_from_world;
     let finite =
         pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|value| value.is_finite());
-    (!finite).then(|| "the rotation or translation holds a number that is not finite".into())
+    if !finite {
+        return Some("the rotation or translation holds a number that is not finite".into());
+    }
+    let center = camera.camera.center();
+    let numbers = pose.translation.vector.iter().chain(center.iter());
+    let problem = numbers.into_iter().find_map(|metres| ROOM_M.defect(*metres))?;
+    Some(format!("a number of the translation, or of the place that follows from it, {problem}"))
 }

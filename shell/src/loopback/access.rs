@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::fs;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -15,6 +16,7 @@ use rustls::crypto::ring;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
+use super::authority::Authority;
 use super::{Answer, ListenError};
 
 /// Parameter of the link that carries the token, and beginning of the cookie's name.
@@ -109,14 +111,43 @@ pub(super) async fn require_token(
     }
 }
 
+/// Whether a request is for this machine: `Host`, given once, is the loopback's name or number or that of the server's
+/// address, with or without a port.
+pub(super) fn names_this_machine(request: &Request, own: IpAddr) -> bool {
+    let Some(host) = host(request.headers()) else { return false };
+    // The target of a request may name a host, too.
+    let is_same =
+        request.uri().authority().is_none_or(|target| Authority::parse(target.as_str()) == Some(host));
+    let is_own = match host.ip() {
+        Some(ip) => ip == own || ip == Ipv4Addr::LOCALHOST || ip == Ipv6Addr::LOCALHOST,
+        None => host.is_localhost(),
+    };
+    is_same && is_own
+}
+
+/// The authority of the only `Host`.
+fn host(headers: &HeaderMap) -> Option<Authority<'_>> {
+    let mut hosts = headers.get_all(HOST).iter();
+    let host = Authority::parse(hosts.next()?.to_str().ok()?);
+    host.filter(|_| hosts.next().is_none())
+}
+
 /// Whether a request comes from a page of this server, or from no page: `Origin`, if there is one, names exactly the host
-/// and port of `Host`.
+/// and port of `Host`, and the browser does not say that a page of another site asks for a part of this one.
 pub(super) fn is_of_own_page(headers: &HeaderMap) -> bool {
-    let Some(origin) = headers.get(ORIGIN) else { return true };
-    let origin = origin.to_str().ok();
-    let authority = origin.and_then(|o| o.strip_prefix("http://").or_else(|| o.strip_prefix("https://")));
-    let host = headers.get(HOST).and_then(|host| host.to_str().ok());
-    authority.is_some() && authority == host
+    let says = |name: &str, words: &[&str]| {
+        headers.get(name).is_some_and(|value| words.iter().any(|word| value.as_bytes() == word.as_bytes()))
+    };
+    // A link on another page may be followed.
+    if says("sec-fetch-site", &["cross-site", "same-site"]) && !says("sec-fetch-mode", &["navigate"]) {
+        return false;
+    }
+    let mut origins = headers.get_all(ORIGIN).iter();
+    let Some(origin) = origins.next() else { return true };
+    let text = origin.to_str().ok().filter(|_| origins.next().is_none());
+    let authority = text.and_then(|o| o.strip_prefix("http://").or_else(|| o.strip_prefix("https://")));
+    let origin = authority.and_then(Authority::parse);
+    origin.is_some() && origin == host(headers)
 }
 
 /// Configuration of TLS from a certificate chain and its private key, both in PEM form.
@@ -159,6 +190,63 @@ mod tests {
     }
 
     #[test]
+    fn parts_of_the_page_are_for_the_page_alone() {
+        for (site, mode, expected) in [
+            ("same-origin", "cors", true),
+            ("none", "navigate", true),
+            ("cross-site", "navigate", true),
+            ("cross-site", "no-cors", false),
+            ("same-site", "no-cors", false),
+        ] {
+            let mut headers = HeaderMap::new();
+            headers.insert("sec-fetch-site", site.parse().unwrap());
+            headers.insert("sec-fetch-mode", mode.parse().unwrap());
+            assert_eq!(is_of_own_page(&headers), expected, "{site} {mode}");
+        }
+    }
+
+    #[test]
+    fn requests_for_other_hosts_are_told_apart() {
+        let own: IpAddr = "127.0.0.2".parse().unwrap();
+        let is_own = |target: &str, hosts: &[&str]| {
+            let mut request = Request::builder().uri(target);
+            for host in hosts {
+                request = request.header(HOST, *host);
+            }
+            names_this_machine(&request.body(axum::body::Body::empty()).unwrap(), own)
+        };
+        for host in ["localhost", "LocalHost:9000", "127.0.0.1:8080", "127.0.0.2", "[::1]:8080", "[::1]"] {
+            assert!(is_own("/", &[host]), "{host}");
+        }
+        for host in [
+            "",
+            "evil",
+            "[::1]evil",
+            "[::1]:80evil",
+            "127.0.0.1:1@evil",
+            "localhost@evil",
+            "localhost.evil",
+            "localhost:",
+            "localhost:99999",
+            "localhost:+80",
+            "127.0.0.1.evil",
+            "127.1",
+            "[127.0.0.1]",
+            "::1",
+            "localhost/",
+            "localhost:80:80",
+            "192.168.0.1",
+            "localhost ",
+            "[::1",
+        ] {
+            assert!(!is_own("/", &[host]), "{host}");
+        }
+        assert!(!is_own("/", &[]) && !is_own("/", &["localhost", "localhost"]));
+        assert!(is_own("http://localhost:8080/", &["localhost:8080"]));
+        assert!(!is_own("http://evil/", &["localhost"]));
+    }
+
+    #[test]
     fn a_page_of_another_origin_is_told_apart() {
         let headers = |host: &str, origin: Option<&str>| {
             let mut headers = HeaderMap::new();
@@ -174,6 +262,11 @@ mod tests {
             ("a:80", Some("http://a"), false),
             ("a:80", Some("http://a:80.example.org"), false),
             ("a:80", Some("null"), false),
+            ("a:80", Some("http://b@a:80"), false),
+            ("a:80", Some("http://a:80/"), false),
+            ("a:80", Some("http://A:80"), true),
+            ("[::1]:80", Some("http://[::1]:80"), true),
+            ("[::1]evil", Some("http://[::1]evil"), false),
             ("a:80", Some("ftp://a:80"), false),
         ] {
             assert_eq!(is_of_own_page(&headers(host, origin)), expected, "{host} {origin:?}");

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::http::header::{ALLOW, HOST};
-use axum::http::{HeaderMap, Uri};
+use axum::http::Uri;
+use axum::http::header::ALLOW;
 use axum::middleware::{Next, from_fn, map_response};
 use axum::response::{IntoResponse, Response};
 use rustls::ServerConfig;
@@ -16,7 +16,7 @@ use rustls::ServerConfig;
 use super::Answer;
 use super::access::{self, AccessToken};
 use super::answer::with_common_headers;
-use super::tls_listener::TlsListener;
+use super::connections;
 
 /// Error of an address at which no page can be served.
 #[derive(Debug, thiserror::Error)]
@@ -119,10 +119,11 @@ impl Listener {
             // The layers are around the whole router, since it names a path's methods outside of its own layers.
             .fallback_service(routes.fallback(not_found))
             .layer(from_fn(explain_other_method))
+            .layer(from_fn(connections::with_whole_body))
             .layer(from_fn(move |request: Request, next: Next| {
                 let token = token.clone();
                 async move {
-                    if is_local && !names_loopback(request.headers()) {
+                    if is_local && !access::names_this_machine(&request, address.ip()) {
                         let line = "this server answers to localhost and 127.0.0.1 alone";
                         Answer::error(403, line).into_response()
                     } else if !access::is_of_own_page(request.headers()) {
@@ -135,11 +136,7 @@ impl Listener {
                 }
             }))
             .layer(map_response(with_common_headers));
-        let listener = tokio::net::TcpListener::from_std(socket)?;
-        match tls {
-            Some(config) => axum::serve(TlsListener::new(listener, config)?, router).await,
-            None => axum::serve(listener, router).await,
-        }
+        connections::serve(tokio::net::TcpListener::from_std(socket)?, router, tls).await
     }
 }
 
@@ -155,16 +152,4 @@ async fn explain_other_method(request: Request, next: Next) -> Response {
         }
         None => response,
     }
-}
-
-/// Tells whether the `Host`, with or without a port, names the loopback.
-fn names_loopback(headers: &HeaderMap) -> bool {
-    let Some(host) = headers.get(HOST).and_then(|value| value.to_str().ok()) else { return false };
-    let name = match host.strip_prefix('[') {
-        Some(rest) => rest.split(']').next(),
-        None => host.split(':').next(),
-    };
-    name.is_some_and(|name| {
-        ["127.0.0.1", "localhost", "::1"].iter().any(|own| name.eq_ignore_ascii_case(own))
-    })
 }

@@ -6,15 +6,18 @@
 //!
 //! * [`listener`] — [`Listener`]: the socket, and the refusal of requests for a foreign host name. Start here.
 //! * [`access`] — [`AccessToken`]: the token of a server that other machines can reach, and its certificate.
+//! * [`connections`] — the limit of the connections, and the deadlines of their requests.
+//! * [`authority`] — host and port of `Host` and `Origin`, compared exactly.
 //! * [`answer`] — [`Answer`]: the answers, with the headers that all of them carry.
 //! * [`page_file`] — [`PageFile`]: a page's own files, compiled into the program, so that pages work without a network;
 //!   and the colours that all pages share.
 
 mod access;
 mod answer;
+mod authority;
+mod connections;
 mod listener;
 mod page_file;
-mod tls_listener;
 
 pub use access::AccessToken;
 pub use answer::Answer;

@@ -11,6 +11,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use scenes::room::Room;
 use shell::console::Progress;
+use shell::ranges::TIME_S;
 use tracker::foreground::Verdict;
 use tracker::gathering::LeftOut;
 use tracker::method::agents::{SoloStation, StationId};
@@ -23,6 +24,7 @@ use tracker::wire::mesh::{Membership, OwnClock};
 use tracker::wire::{Endpoints, Fingerprint, Mesh};
 use tracker::{CameraFrame, PersonEstimate};
 
+use super::outputs;
 use super::publish::{PublishArguments, Published};
 use super::sampler::SamplerArguments;
 
@@ -37,7 +39,7 @@ pub(super) struct AgentStationArguments {
     out: Option<PathBuf>,
     /// Wall-clock time at which the recording begins, seconds since 1970: the same for all stations of recordings. Late
     /// frames are passed over, so a station may start, or restart, in the middle [default: now]
-    #[arg(long, value_name = "SECONDS", requires = "method")]
+    #[arg(long, value_name = "SECONDS", requires = "method", value_parser = TIME_S.number())]
     start: Option<f64>,
     /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
@@ -46,7 +48,8 @@ pub(super) struct AgentStationArguments {
     #[arg(long, value_name = "N", requires = "method")]
     most_people: Option<usize>,
     /// Error of this machine's clock, seconds: for tests
-    #[arg(long, value_name = "SECONDS", hide = true, allow_negative_numbers = true, default_value_t = 0.0)]
+    #[arg(long, value_name = "SECONDS", hide = true, allow_negative_numbers = true, default_value_t = 0.0,
+        value_parser = TIME_S.number())]
     clock_shift: f64,
     #[command(flatten)]
     publish: PublishArguments,
@@ -85,6 +88,11 @@ struct Follower {
 }
 
 impl AgentStationArguments {
+    /// Folder of the station's tracks, if it has one.
+    pub(super) fn out(&self) -> Option<&Path> {
+        self.out.as_deref()
+    }
+
     /// Refuses what a station that does not track cannot do.
     pub(super) fn check_unused(&self) -> anyhow::Result<()> {
         match self.publish.given() {
@@ -104,6 +112,7 @@ impl AgentStationArguments {
         (interrupted, progress): (&Arc<AtomicBool>, Progress),
     ) -> anyhow::Result<()> {
         let Some(out) = self.out.clone() else { bail!("--method agents: give --out DIR for its tracks") };
+        let _lock = outputs::lock(&out)?;
         let camera = prepared.camera_index(&station.name).context("the room has no such camera")?;
         let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
         self.publish.check()?;

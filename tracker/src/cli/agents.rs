@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::{Args, Subcommand, ValueEnum};
 use shell::console::Console;
+use shell::ranges::COUNT;
 use tracker::method::agents::simulate::{self, Layout, Options, Site, World};
 
 /// Simulate the distributed vision agents.
@@ -38,7 +39,7 @@ enum AgentsCommand {
   tracker agents simulate --stations 50 --people 100 --out simulated")]
 struct SimulateArgs {
     /// Number of trials [default: 300; 100 with --preset hard; 1 in a corridor].
-    #[arg(long)]
+    #[arg(long, value_parser = COUNT.whole::<usize>())]
     trials: Option<usize>,
     /// Seed of the trials, which have different trajectories and errors.
     #[arg(long, default_value_t = 0)]
@@ -93,7 +94,7 @@ pub(super) fn agents(args: &AgentsArgs, console: &Console) -> anyhow::Result<Str
 fn simulate(args: &SimulateArgs, console: &Console) -> anyhow::Result<String> {
     let all = args.options()?;
     let trials = args.trials(&all[0]);
-    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let _lock = super::outputs::lock(&args.out)?;
     let progress = Mutex::new(console.progress("simulating", Some(2 * (trials * all.len()) as u64)));
     let step = || progress.lock().unwrap_or_else(PoisonError::into_inner).advance();
     let mut comparisons = Vec::new();
@@ -120,9 +121,6 @@ impl SimulateArgs {
         }
         if self.stations.is_some_and(|n| n == 0 || n > 255) {
             bail!("--stations {}: give 1 to 255", self.stations.unwrap_or_default());
-        }
-        if self.trials == Some(0) {
-            bail!("--trials 0: give at least 1");
         }
         let mut all: Vec<Options> = match (self.preset, self.people) {
             (Preset::Hard, _) => vec![Options::hard()],

@@ -1,15 +1,18 @@
 //! Options of background subtraction, shared by the subcommands that need it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use calib::video::FrameSource;
 use calib::vision::AdaptiveKind;
 use clap::Args;
+use shell::ranges::INTERVAL_S;
 use tracker::Error;
 use tracker::foreground::backdrop::Backdrop;
 use tracker::foreground::{ForegroundOptions, InitialBackground};
 use tracker::source::{NamedSource, VideoSource, sampling};
+
+use super::outputs::paths_of;
 
 /// Source of the background.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -63,11 +66,19 @@ impl BackgroundArguments {
         options
     }
 
+    /// Files of the empty room.
+    pub(super) fn paths(&self) -> impl Iterator<Item = PathBuf> {
+        self.background.iter().flat_map(|choice| match choice {
+            Choice::Clip(clip) => paths_of(&clip.spec),
+            _ => Vec::new(),
+        })
+    }
+
     /// Checks that every clip belongs to one of these cameras, none of which has masks already, and that the other
     /// values are valid.
     pub(super) fn check_names(&self, videos: &[NamedSource], masks: &[NamedSource]) -> anyhow::Result<()> {
-        if self.absorb.is_nan() || self.absorb <= 0.0 {
-            bail!("--absorb {}: give seconds, above 0", self.absorb);
+        if let Some(problem) = INTERVAL_S.defect(f64::from(self.absorb)) {
+            bail!("--absorb {problem}");
         }
         let kinds = self.background.iter().filter(|c| !matches!(c, Choice::Clip(_))).count();
         if kinds > 1 {

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use anyhow::bail;
 use calib::video::FrameSource;
 use clap::Args;
+use shell::ranges::TIME_S;
 use tracker::gathering::ClockAlignment;
 use tracker::source::times::DEFAULT_RATE;
 use tracker::source::{CameraSource, CaptureTimes, Times};
@@ -51,10 +52,10 @@ impl FromStr for Offset {
             ));
         };
         match seconds.parse() {
-            Ok(seconds) if f64::is_finite(seconds) => {
+            Ok(seconds) if TIME_S.contains(seconds) => {
                 Ok(Self::Seconds(GivenOffset { camera: camera.to_owned(), seconds }))
             }
-            _ => Err(format!("`{seconds}` is no time; give seconds, as in {camera}=1.25")),
+            _ => Err(format!("`{seconds}` is no time; give {TIME_S}, as in {camera}=1.25")),
         }
     }
 }
@@ -63,6 +64,14 @@ impl ClockArguments {
     /// Whether the offsets are to be estimated from the people seen.
     pub(super) fn is_auto(&self) -> bool {
         self.offset.contains(&Offset::Auto)
+    }
+
+    /// Files of the capture times.
+    pub(super) fn paths(&self) -> impl Iterator<Item = PathBuf> {
+        self.times.iter().flat_map(|text| {
+            let of_camera = text.split_once('=').map(|(_, path)| PathBuf::from(path));
+            [Some(PathBuf::from(text)), of_camera].into_iter().flatten()
+        })
     }
 
     fn given_offsets(&self) -> impl Iterator<Item = &GivenOffset> {

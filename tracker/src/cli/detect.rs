@@ -7,9 +7,12 @@ use calib::video::FrameSource;
 use clap::{Args, Subcommand};
 use image::RgbImage;
 use shell::console::Console;
+use shell::ranges::{SOME_FRAMES, THREADS};
 use tracker::detect::train::{self, Labelled, TrainOptions};
 use tracker::detect::{self, DetectOptions, Detector};
 use tracker::tracks::rows::RowFile;
+
+use super::outputs;
 
 /// Detect people in a video, for `tracker link`.
 ///
@@ -66,7 +69,7 @@ struct LookArguments {
     #[arg(long, value_name = "IOU", default_value_t = DetectOptions::default().max_overlap)]
     max_overlap: f64,
     /// Number of worker threads (default: one a core). The result does not depend on it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = THREADS.whole::<usize>())]
     threads: Option<usize>,
 }
 
@@ -92,7 +95,7 @@ struct TrainArgs {
     #[arg(long, value_name = "VIDEO")]
     background: Option<String>,
     /// Largest number of frames to learn from, spread evenly.
-    #[arg(long, value_name = "N", default_value_t = 100)]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = SOME_FRAMES.whole::<usize>())]
     frames: usize,
     /// Seed of the background's places and the order of learning: the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
@@ -104,7 +107,6 @@ struct TrainArgs {
 impl LookArguments {
     fn options(&self) -> anyhow::Result<DetectOptions> {
         let threads = match self.threads {
-            Some(0) => bail!("--threads 0: give at least 1"),
             Some(threads) => threads,
             None => std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         };
@@ -130,6 +132,8 @@ pub(crate) fn detect(args: &DetectArgs, console: &Console) -> anyhow::Result<Str
     }
     let options = args.look.options()?;
     let (Some(video), Some(out)) = (&args.video, &args.out) else { bail!("give a video and --out FILE") };
+    let inputs = outputs::paths_of(video).into_iter().chain(args.model.clone());
+    outputs::refuse_inputs(out, inputs)?;
     let detector = match &args.model {
         Some(path) => Detector::read(path, options)?,
         None => Detector::general(options)?,
@@ -152,9 +156,9 @@ pub(crate) fn detect(args: &DetectArgs, console: &Console) -> anyhow::Result<Str
 
 fn train(args: &TrainArgs, console: &Console) -> anyhow::Result<String> {
     let detect = args.look.options()?;
-    if args.frames == 0 {
-        bail!("--frames 0: give at least 1");
-    }
+    let videos =
+        std::iter::once(&args.video).chain(&args.background).flat_map(|spec| outputs::paths_of(spec));
+    outputs::refuse_inputs(&args.out, videos.chain([args.boxes.clone()]))?;
     let labelled = labelled(args)?;
     let mut empty = Vec::new();
     if let Some(video) = &args.background {

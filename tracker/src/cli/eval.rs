@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
+use scenes::room;
 use tracker::eval::{
     DetectionCurve, EvalOptions, Evaluation, FrameRange, FrameSelection, JudgedArea, Sequences, align, plots,
 };
 use tracker::tracks::rows::RowFile;
+
+use super::outputs;
 
 /// Evaluate tracks against the truth: MOTA, MOTP, MODA, IDF1, HOTA, errors in metres, calibration.
 ///
@@ -65,6 +68,11 @@ pub(super) struct EvalArgs {
 
 /// Runs the subcommand and returns what to print.
 pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
+    if let Some(folder) = &args.plots {
+        let rooms = args.truth_room.iter().chain(&args.room).flat_map(|dir| room::files_of(dir));
+        let files = [&args.truth, &args.tracks].into_iter().chain(&args.annotated).cloned();
+        outputs::refuse_inputs(folder, files.chain(rooms))?;
+    }
     let annotated = args.annotated.as_deref().map(FrameSelection::read_annotated).transpose()?;
     let alignment = match (&args.truth_room, &args.room) {
         (Some(truth), Some(tracks)) => Some(align::between(truth, tracks)?),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use tracker::events::{self, stats::DayStats};
 
 use super::event_arguments::CountArguments;
+use super::outputs::OutputLock;
 
 /// Write what happened in a finished run, after zones, regions or lines were changed, too.
 ///
@@ -38,6 +39,7 @@ pub(crate) struct EventsArgs {
 
 /// Runs the subcommand and returns what to print.
 pub(crate) fn events(args: &EventsArgs) -> anyhow::Result<String> {
+    let _lock = OutputLock::if_present(&args.run)?;
     events::of_run(&args.run, &args.room, &args.counts.options())?;
     Ok(DayStats::read(&args.run)?.text())
 }

@@ -4,8 +4,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use anyhow::bail;
-use scenes::room::Room;
+use scenes::room::{self, Room};
+use shell::files::Outputs;
 use tracker::export::{geojson, mcap};
+use tracker::tracks::files_of_run;
 
 /// Write a finished run in the formats of other programs.
 ///
@@ -48,6 +50,8 @@ pub(crate) fn export(args: &ExportArgs) -> anyhow::Result<String> {
     if !args.run.is_dir() {
         bail!("{}: there is no such folder; name one that `tracker run` wrote", args.run.display());
     }
+    let files = args.mcap.iter().chain(&args.geojson).map(PathBuf::as_path);
+    Outputs::new(files).refuse(files_of_run(&args.run).into_iter().chain(room::files_of(&args.room)))?;
     let mut text = String::new();
     if let Some(file) = &args.mcap {
         let options = mcap::McapOptions { pictures: args.pictures };

@@ -59,6 +59,7 @@ const SAME: &[&str] = &[
     "mqtt_rate",
     "rate",
     "scale_step",
+    "skip",
     "solver",
     "view",
     "window",

@@ -5,12 +5,14 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::{Subcommand, ValueEnum};
 use shell::console::Console;
+use shell::files::Outputs;
 use tracker::chart;
 use tracker::link::tune::{TuneOptions, cross_validate};
 use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};
 use tracker::tracks::rows::RowFile;
 
 use super::colours;
+use super::outputs::{OutputLock, paths_of, refuse_inputs};
 
 /// Link the detections of a whole recording to the tracks of least total cost.
 ///
@@ -228,6 +230,10 @@ pub(super) fn link(args: &LinkArgs, console: &Console) -> anyhow::Result<String>
         ..args.options.options()
     };
     options.check()?;
+    let outputs = std::iter::once(out).chain(&args.report).map(PathBuf::as_path);
+    let inputs =
+        std::iter::once(detections.clone()).chain(args.video.as_deref().map(paths_of).unwrap_or_default());
+    Outputs::new(outputs).refuse(inputs)?;
     let file = RowFile::read(detections)?;
     if options.frames_per_s.is_none() {
         options.frames_per_s = rate::beside(detections)?;
@@ -283,7 +289,9 @@ fn tune(args: &TuneArgs) -> anyhow::Result<String> {
 fn run_experiment(args: &ExperimentArgs, console: &Console) -> anyhow::Result<String> {
     let link = args.options.options();
     link.check()?;
+    refuse_inputs(&args.out, [&args.detections, &args.truth])?;
     let (detections, truth) = (RowFile::read(&args.detections)?, RowFile::read(&args.truth)?);
+    let _lock = OutputLock::if_present(&args.out)?;
     let steps = 2 * experiment::SKIPS.count() as u64;
     let mut progress = console.progress("validating", Some(steps));
     let rows = experiment::run(&detections, &truth, args.folds, &link, || progress.advance())?;

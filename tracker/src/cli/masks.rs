@@ -3,14 +3,17 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
+use calib::picture;
 use calib::video::FrameSource;
 use clap::Args;
 use image::{GrayImage, RgbImage};
 use shell::console::Console;
+use shell::ranges::RATE_HZ;
 use tracker::foreground::{Foreground, Verdict};
 use tracker::source::{CaptureTimes, NamedSource, Times, VideoSource};
 
 use super::background::BackgroundArguments;
+use super::outputs::{self, OutputLock};
 
 /// Write the foreground masks of videos as pictures, to look at or to use with `tracker run --masks`.
 ///
@@ -31,7 +34,7 @@ pub(crate) struct MasksArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "rate")]
     times: Option<PathBuf>,
     /// Frame rate, frames a second, where the video states none or a wrong one
-    #[arg(long)]
+    #[arg(long, value_parser = RATE_HZ.number())]
     rate: Option<f64>,
     /// Also write the background, as OUT/NAME/background.jpg, and each frame with its mask's outline
     #[arg(long)]
@@ -43,14 +46,20 @@ pub(crate) struct MasksArgs {
 /// Runs the subcommand.
 pub(crate) fn masks(args: &MasksArgs, console: &Console) -> anyhow::Result<String> {
     args.background.check_names(&args.video, &[])?;
+    let inputs = outputs::paths_of_all(&args.video)
+        .into_iter()
+        .chain(args.times.clone())
+        .chain(args.background.paths());
+    outputs::refuse_inputs(&args.out, inputs)?;
+    let mut lock = OutputLock::if_present(&args.out)?;
     for named in &args.video {
-        args.one(named, console)?;
+        args.one(named, &mut lock, console)?;
     }
     Ok(String::new())
 }
 
 impl MasksArgs {
-    fn one(&self, named: &NamedSource, console: &Console) -> anyhow::Result<()> {
+    fn one(&self, named: &NamedSource, lock: &mut OutputLock<'_>, console: &Console) -> anyhow::Result<()> {
         if named.name.contains(['/', '\\']) || named.name == ".." {
             bail!("--video {}: the name becomes a folder; it must not hold a slash", named.name);
         }
@@ -73,6 +82,7 @@ impl MasksArgs {
         };
         let mut foreground = Foreground::new(width, height, start, self.background.options())?;
         let folder = self.out.join(&named.name);
+        lock.hold()?;
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
         let mut progress = console.progress(&format!("masks of {}", named.name), count.map(|n| n as u64));
         let (mut image, mut mask) = (RgbImage::default(), GrayImage::default());
@@ -86,16 +96,15 @@ impl MasksArgs {
                 mask.fill(0);
             }
             let path = folder.join(format!("{frame:06}.png"));
-            mask.save(&path).with_context(|| path.display().to_string())?;
+            picture::write(&path, &mask)?;
             if self.outlines {
                 let path = folder.join(format!("outline_{frame:06}.jpg"));
-                outlined(&image, &mask).save(&path).with_context(|| path.display().to_string())?;
+                picture::write(&path, &outlined(&image, &mask))?;
             }
             progress.advance();
         }
         if self.outlines {
-            let path = folder.join("background.jpg");
-            foreground.background().save(&path).with_context(|| path.display().to_string())?;
+            picture::write(&folder.join("background.jpg"), &foreground.background())?;
         }
         Ok(())
     }

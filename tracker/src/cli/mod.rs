@@ -18,6 +18,7 @@ mod input;
 mod interrupt;
 mod link;
 mod masks;
+mod outputs;
 mod publish;
 mod report;
 mod run;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use scenes::room::Room;
+use shell::ranges::WAITING;
 use tracker::Error;
 use tracker::events::Clock;
 use tracker::prepared_room::PreparedRoom;
@@ -60,7 +61,7 @@ pub(super) struct PublishArguments {
     #[arg(long, value_name = "FILE", requires = "mqtt_certificate")]
     mqtt_key: Option<PathBuf>,
     /// Largest number of events that wait for the broker; beyond it the oldest are dropped
-    #[arg(long, value_name = "N", requires = "mqtt", default_value_t = 10_000, value_parser = at_least_100)]
+    #[arg(long, value_name = "N", requires = "mqtt", default_value_t = 10_000, value_parser = WAITING.whole::<usize>())]
     mqtt_keep: usize,
     /// Serve figures of the run for Prometheus at this address, as in --metrics 127.0.0.1:9464: frames, latency, people,
     /// states of cameras, drops. 0.0.0.0:9464 lets other machines read them, too
@@ -85,13 +86,6 @@ impl Published {
         outputs.extend(self.mqtt.map(|mqtt| Box::new(mqtt) as Box<dyn Output>));
         outputs.extend(self.metrics.map(|metrics| Box::new(metrics) as Box<dyn Output>));
         (outputs, self.server)
-    }
-}
-
-fn at_least_100(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(number) if number >= 100 => Ok(number),
-        _ => Err("give a number of events, 100 or more".to_owned()),
     }
 }
 

@@ -2,7 +2,11 @@
 
 use std::path::PathBuf;
 
+use scenes::room;
 use tracker::report::{self, ReportOptions, ReportSources};
+use tracker::tracks::files_of_run;
+
+use super::outputs;
 
 /// Write one self-contained page about a run: floor plan with all trajectories, film stills with predicted occlusion,
 /// visibility over time, evaluation, time per stage.
@@ -36,6 +40,9 @@ pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<String> {
         truth: args.truth.clone(),
         truth_room: args.truth_room.clone(),
     };
+    let rooms = std::iter::once(&args.room).chain(&args.truth_room).flat_map(|dir| room::files_of(dir));
+    let inputs = files_of_run(&args.run).into_iter().chain(rooms).chain(args.truth.clone());
+    outputs::refuse_inputs(&args.out, inputs)?;
     report::write(&sources, &args.out, &ReportOptions::default())?;
     Ok(format!("{}\n", args.out.display()))
 }

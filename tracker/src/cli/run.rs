@@ -26,6 +26,7 @@ use tracker::wire::Downlink;
 
 use super::input::{RunSources, Started};
 use super::interrupt;
+use super::outputs::{self, OutputLock};
 use super::run_arguments::{MethodName, RunArgs};
 use super::serve::{RoomService, room_outputs};
 use super::stations::{Drawing, StationBuilder};
@@ -39,12 +40,15 @@ pub(super) fn run_as(
 ) -> anyhow::Result<String> {
     // Invalid options are reported before anything is read.
     check(args)?;
+    outputs::refuse_inputs(&args.out, args.inputs())?;
+    // A service's room locks its folder by itself.
+    let lock = if service.is_none() { Some(OutputLock::if_present(&args.out)?) } else { None };
     let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let threads = args.threads.unwrap_or_else(cores);
     // The cameras share the threads; OpenCV's own loops stay on theirs.
     calib::vision::set_threads(1)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("--threads")?;
-    pool.install(move || follow(args, threads, console, service.as_ref()))
+    pool.install(move || follow(args, threads, console, service.as_ref(), lock))
 }
 
 /// Runs the subcommand.
@@ -54,9 +58,6 @@ pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
 
 /// Checks the options that can be checked before anything is read.
 pub(super) fn check(args: &RunArgs) -> anyhow::Result<()> {
-    if args.threads == Some(0) {
-        bail!("--threads 0: give at least 1");
-    }
     args.sampler.options(args.seed)?;
     args.check_detections()?;
     args.events.options().validate()?;
@@ -69,6 +70,7 @@ fn follow(
     threads: usize,
     console: &Console,
     service: Option<&RoomService>,
+    mut lock: Option<OutputLock<'_>>,
 ) -> anyhow::Result<String> {
     let started = Instant::now();
     // The port is bound before the slow reading of the room.
@@ -121,6 +123,9 @@ fn follow(
     let prepared_s = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared_s:.2} s");
     // All inputs have been checked, so outputs may be created now.
+    if let Some(lock) = &mut lock {
+        lock.hold()?;
+    }
     let audience = screens.map(Screens::audience);
     let film = |out: &Path| Film::start(out, &prepared, input.rate_hz, &looks, audience.as_ref());
     let mut shown: Vec<Box<dyn Output>> = published;

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
+use scenes::room;
+use shell::ranges::THREADS;
 use tracker::method::Method;
 use tracker::method::agents::Agents;
 use tracker::method::condensation::Condensation;
@@ -17,6 +19,7 @@ use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
 use super::event_arguments::EventArguments;
 use super::heads::HeadArguments;
+use super::outputs;
 use super::publish::PublishArguments;
 use super::sampler::SamplerArguments;
 use super::view::ViewArguments;
@@ -84,7 +87,7 @@ pub(crate) struct RunArgs {
     #[arg(long, default_value_t = 1)]
     pub(super) seed: u64,
     /// Number of worker threads (default: one a core). The result does not depend on it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = THREADS.whole::<usize>())]
     pub(super) threads: Option<usize>,
     #[command(flatten)]
     pub(super) clocks: ClockArguments,
@@ -132,6 +135,15 @@ impl RunArgs {
     /// The sources of this machine.
     pub(super) fn sources(&self) -> NamedSources<'_> {
         NamedSources { videos: &self.video, masks: &self.masks, detections: &self.detections }
+    }
+
+    /// Files and folders that the run reads.
+    pub(super) fn inputs(&self) -> Vec<PathBuf> {
+        let mut paths = outputs::paths_of_all(self.video.iter().chain(&self.masks).chain(&self.detections));
+        paths.extend(self.clocks.paths());
+        paths.extend(self.background.paths());
+        paths.extend(room::files_of(&self.room));
+        paths
     }
 
     /// Whether stations on other machines are to be gathered.

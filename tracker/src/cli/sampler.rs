@@ -2,6 +2,7 @@
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
+use shell::ranges::shown;
 use tracker::likelihood::LikelihoodRule;
 use tracker::method::mcmc::{Acceptance, McmcOptions};
 
@@ -26,6 +27,9 @@ const MOST_LAG_S: f64 = 5.0;
 
 /// Largest number of steps: more would make a frame take too long.
 const MOST_STEPS: u32 = 1_000_000;
+
+/// Largest power of the overlap ratio: beyond, every weight is 0.
+const MOST_POWER: f64 = 10_000.0;
 
 /// Options of the sampler on the command line.
 #[derive(Debug, Args)]
@@ -93,8 +97,8 @@ impl SamplerArguments {
             None => {}
         }
         if let Some(power) = self.overlap_power {
-            if !(power > 0.0 && power.is_finite()) {
-                bail!("--overlap-power {power}: give a positive number");
+            if !(power > 0.0 && power <= MOST_POWER) {
+                bail!("--overlap-power {}: give a number above 0, at most {MOST_POWER}", shown(power));
             }
             let LikelihoodRule::Overlap { exponent } = &mut options.likelihood else {
                 bail!(

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use scenes::room::Room;
+use scenes::room::{self, Room};
 use shell::console::Console;
 use tracker::film::FilmOptions;
 use tracker::method::Needs;
@@ -19,8 +19,8 @@ use super::agent_station::{AgentStationArguments, StationRoom};
 use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
-use super::interrupt;
 use super::stations::{Drawing, StationBuilder};
+use super::{interrupt, outputs};
 
 /// Longest wait of a recording's station for its gatherer.
 const GATHERER_WITHIN: Duration = Duration::from_mins(10);
@@ -97,6 +97,11 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let endpoints = args.endpoints.endpoints(&args.connect)?;
     if args.method.is_none() {
         args.agents.check_unused()?;
+    }
+    if let Some(out) = args.agents.out() {
+        let sources = args.video.iter().chain(&args.masks).flat_map(|spec| outputs::paths_of(spec));
+        let inputs = sources.chain(args.clocks.paths()).chain(args.background.paths());
+        outputs::refuse_inputs(out, inputs.chain(room::files_of(&args.room)))?;
     }
     let room = Room::read(&args.room)?;
     let named = |spec: &Option<String>| -> Vec<NamedSource> {

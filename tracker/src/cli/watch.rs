@@ -8,14 +8,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use clap::Args;
-use scenes::room::Room;
+use scenes::room::{self, Room};
+use shell::ranges::INTERVAL_S;
 use tracker::method::agents::{AgencyRecord, Overview, Packet, StationId};
 use tracker::tracks::AgentsFile;
 use tracker::wire::mesh::{Membership, OwnClock};
 use tracker::wire::{Endpoint, Fingerprint, Mesh};
 
 use super::endpoints::EndpointArguments;
-use super::interrupt;
+use super::{interrupt, outputs};
 
 /// Longest wait for packets.
 const TICK: Duration = Duration::from_millis(100);
@@ -44,22 +45,18 @@ pub(crate) struct WatchArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Time to listen, seconds
-    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = INTERVAL_S.number())]
     longest: Option<f64>,
     #[command(flatten)]
     endpoints: EndpointArguments,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
-        _ => Err("give a number of seconds above 0".to_owned()),
-    }
-}
-
 /// Runs the subcommand.
 pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
     let endpoints = args.endpoints.endpoints(&args.connect)?;
+    if let Some((out, room)) = args.out.as_deref().zip(args.room.as_deref()) {
+        outputs::refuse_inputs(out, room::files_of(room))?;
+    }
     let room = args.room.as_deref().map(Room::read).transpose()?;
     let cameras: Vec<String> =
         room.iter().flat_map(|room| &room.cameras).map(|camera| camera.name.clone()).collect();
@@ -70,6 +67,7 @@ pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
         hears: Vec::new(),
         clock: OwnClock::default(),
     };
+    let _lock = args.out.as_deref().map(outputs::lock).transpose()?;
     let interrupted = interrupt::watch().context("the signals that end this program")?;
     let mesh = Mesh::open(&membership, &endpoints)?;
     let mut watch = WatchState {
@@ -134,7 +132,7 @@ impl WatchState {
         if with_table {
             text += &self.overview.table();
         }
-        let mut out = std::io::stdout().lock();
+        let mut out = shell::console::stdout();
         Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_ok())
     }
 

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::Args;
 use image::RgbImage;
-use scenes::room::Room;
+use scenes::room::{self, Room};
+use shell::ranges::{BODY_M, FRAME_NUMBER};
 use tracker::foreground::InitialBackground;
 use tracker::method::Method;
 use tracker::method::condensation::Condensation;
@@ -16,6 +17,7 @@ use tracker::{CameraFrame, Moment};
 
 use super::background::BackgroundArguments;
 use super::heads::HeadArguments;
+use super::outputs;
 
 /// Draw the weights of heads over a horizontal plane, for one frame and each integration.
 ///
@@ -33,10 +35,10 @@ pub(crate) struct WeightMapArgs {
     #[arg(long, value_name = "NAME=PATH", required = true)]
     video: Vec<NamedSource>,
     /// Number of the frame, from 1.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = FRAME_NUMBER.whole::<u32>())]
     frame: u32,
     /// Height of the heads' centres above the floor, metres.
-    #[arg(long, default_value_t = 1.6, value_name = "METRES")]
+    #[arg(long, default_value_t = 1.6, value_name = "METRES", value_parser = BODY_M.number())]
     height: f64,
     /// Folder to write to.
     #[arg(long)]
@@ -52,12 +54,8 @@ pub(crate) struct WeightMapArgs {
 
 /// Runs the subcommand.
 pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
-    if args.frame == 0 {
-        bail!("--frame 0: frames count from 1");
-    }
-    if !(args.height.is_finite() && args.height > 0.0) {
-        bail!("--height {}: give metres above the floor", args.height);
-    }
+    let inputs = outputs::paths_of_all(&args.video).into_iter().chain(args.background.paths());
+    outputs::refuse_inputs(&args.out, inputs.chain(room::files_of(&args.room)))?;
     let options = args.heads.options(1, args.published)?;
     let needs_empty = options.edges.moving_only;
     let room = Room::read(&args.room)?;
@@ -101,10 +99,10 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
         None => Integration::ALL.to_vec(),
     };
     let maps = method.weight_maps(&moment, &chosen, args.height)?;
-    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let _lock = outputs::lock(&args.out)?;
     for map in maps {
         let path = args.out.join(format!("{}.png", map.integration));
-        map.picture(&prepared).save(&path).with_context(|| path.display().to_string())?;
+        calib::picture::write(&path, &map.picture(&prepared))?;
     }
     Ok(String::new())
 }

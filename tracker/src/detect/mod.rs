@@ -16,7 +16,9 @@ use std::fmt::Write;
 
 use calib::vision::people::{DetectionWindow, PERSON_HEIGHT_PX, PeopleClassifier, WINDOW_PX};
 use image::RgbImage;
+use shell::ranges::{COST, SIDE_PX};
 
+use crate::option_checks::{check_numbers, check_ranges};
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
@@ -50,12 +52,11 @@ impl DetectOptions {
     /// # Errors
     /// Names the first invalid option.
     pub fn check(&self) -> Result<()> {
-        if !(self.min_height_px >= 12.0 && self.min_height_px.is_finite()) {
-            return Err(Error::option(
-                "min_height_px",
-                format!("is {}; give pixels from 12", self.min_height_px),
-            ));
-        }
+        check_numbers(
+            [("min_height_px", self.min_height_px)],
+            |px| (12.0..=SIDE_PX.most).contains(&px),
+            &format!("pixels from 12 to {}", SIDE_PX.most),
+        )?;
         if self.max_height_px.is_some_and(|max| max.is_nan() || max < self.min_height_px) {
             return Err(Error::option(
                 "max_height_px",
@@ -68,9 +69,7 @@ impl DetectOptions {
                 format!("is {}; give a ratio from 1.01 to 2", self.scale_step),
             ));
         }
-        if !self.min_score.is_finite() {
-            return Err(Error::option("min_score", format!("is {}; give a number", self.min_score)));
-        }
+        check_ranges([("min_score", self.min_score, COST)])?;
         if !(0.0..=1.0).contains(&self.max_overlap) {
             return Err(Error::option("max_overlap", format!("is {}; give 0 to 1", self.max_overlap)));
         }

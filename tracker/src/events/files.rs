@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 
 use calib::files::write_atomic;
 use scenes::room::Room;
+use shell::ranges::SECONDS;
 
 use super::groups::{self, Groups};
 use super::heat::HeatMap;
 use super::open_visits::OpenVisits;
 use super::tally::CountRows;
 use super::{Event, EventOptions, Events};
+use crate::option_checks::check_numbers;
 use crate::tracks::jsonl::{self, FrameLine};
 use crate::tracks::{LineFile, Persistence, last_line};
 use crate::{Error, Result};
@@ -44,11 +46,11 @@ impl EventFileOptions {
     /// # Errors
     /// [`Error::Option`] that names the field.
     pub fn validate(&self) -> Result<()> {
-        if self.counts_every_s.is_finite() && self.counts_every_s >= 0.1 {
-            return Ok(());
-        }
-        let problem = format!("is {}; give at least 0.1 seconds", self.counts_every_s);
-        Err(Error::option("counts_every_s", problem))
+        check_numbers(
+            [("counts_every_s", self.counts_every_s)],
+            |seconds| (0.1..=SECONDS.most).contains(&seconds),
+            &format!("at least 0.1 seconds, and at most {}", SECONDS.most),
+        )
     }
 }
 
@@ -224,6 +226,9 @@ impl EventFiles {
     }
 }
 
+/// Folder in which new event files are finished.
+const BESIDE: &str = ".events";
+
 /// Writes the event files of a finished run, from its `tracks.jsonl`, line by line; the same bytes as during the run. They
 /// replace older ones once all of them are complete.
 ///
@@ -233,7 +238,10 @@ pub fn of_run(out: &Path, room_dir: &Path, options: &EventFileOptions) -> Result
     // A run that cannot be read is named before a folder is made in it.
     let room = Room::read(room_dir)?;
     let lines = jsonl::lines(&out.join("tracks.jsonl"))?;
-    let beside = tempfile::Builder::new().prefix(".events-").tempdir_in(out).map_err(Error::io(out))?;
+    // The name is always the same, so that what a killed program has left is replaced.
+    let _ = std::fs::remove_dir_all(out.join(BESIDE));
+    let beside = tempfile::Builder::new().prefix(BESIDE).rand_bytes(0).tempdir_in(out);
+    let beside = beside.map_err(Error::io(out))?;
     write_files(lines, beside.path(), &room, room_dir, options)?;
     for name in [HEAT, HEAT_PICTURE, GROUPS, COUNTS, EVENTS] {
         let target = out.join(name);

@@ -19,12 +19,15 @@ mod tests;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
+use shell::ranges::SECONDS;
+
 pub use camera::ClockAlignment;
 use camera::GatheredCamera;
 use live::LiveGathering;
 use recorded::RecordedGathering;
 
 use crate::foreground::Verdict;
+use crate::option_checks::check_ranges;
 use crate::silhouette::Body;
 use crate::station::{Event, ObservedFrame, Port};
 use crate::{Error, Result};
@@ -123,10 +126,7 @@ impl Gathering {
         {
             return Err(Error::option("alignments", format!("{} is no time; give seconds", odd.offset_s)));
         }
-        if !(options.latency_s >= 0.0 && options.latency_s.is_finite()) {
-            let problem = format!("{} is no time; give seconds, 0 or more", options.latency_s);
-            return Err(Error::option("latency_s", problem));
-        }
+        check_ranges([("latency_s", options.latency_s, SECONDS)])?;
         let is_live = ports.iter().any(|port| port.is_live);
         let cameras: Vec<GatheredCamera> = ports
             .into_iter()

@@ -4,6 +4,9 @@ use super::detection::Detections;
 use crate::tracks::rows::PixelBox;
 use nalgebra::Point2;
 
+/// Longest gap that is filled, frames: over an hour. Rows of a longer one would be invented, and fill the memory.
+const LONGEST_GAP: u32 = 100_000;
+
 /// A row of a track.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackRow {
@@ -47,8 +50,11 @@ pub fn rows(detections: &Detections, track: &[u32], options: &FillOptions) -> Ve
     rows
 }
 
-/// Adds the frames between two rows by linear interpolation.
+/// Adds the frames between two rows by linear interpolation; none in a gap of more than [`LONGEST_GAP`] frames.
 fn fill(before: &TrackRow, after: &TrackRow, rows: &mut Vec<TrackRow>) {
+    if after.frame - before.frame > LONGEST_GAP {
+        return;
+    }
     let gap = f64::from(after.frame - before.frame);
     for frame in before.frame + 1..after.frame {
         let t = f64::from(frame - before.frame) / gap;

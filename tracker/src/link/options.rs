@@ -1,10 +1,12 @@
 //! Options of linking, and their defaults.
 
+use shell::ranges::{AREA_PX2, COLOR_DISTANCE, COST, FRAMES, PIXEL_DISTANCE, RATE_HZ, SOME_FRAMES};
+
 use super::affinity::{Gate, Thresholds};
 use super::build::Prices;
 use super::fill::FillOptions;
 use super::motion::MotionModel;
-use crate::option_checks::check_numbers;
+use crate::option_checks::check_ranges;
 use crate::tracks::rows::Row;
 use crate::{Error, Result};
 
@@ -121,29 +123,30 @@ impl LinkOptions {
     /// # Errors
     /// Names the first invalid option.
     pub fn check(&self) -> Result<()> {
-        let positive = [
-            ("max_distance", self.max_distance),
-            ("max_area_change_px2", self.max_area_change_px2),
-            ("max_colour_distance", self.max_colour_distance),
-            ("direction_threshold", self.direction_threshold),
-            ("smooth_frames", self.smooth_frames),
+        let given = [
+            ("max_distance", self.max_distance, PIXEL_DISTANCE),
+            ("max_area_change_px2", self.max_area_change_px2, AREA_PX2),
+            ("max_colour_distance", self.max_colour_distance, COLOR_DISTANCE),
+            ("direction_threshold", self.direction_threshold, PIXEL_DISTANCE),
+            ("smooth_frames", self.smooth_frames, FRAMES),
+            ("link_cost", self.link_cost, COST),
+            ("birth_cost", self.birth_cost, COST),
+            ("detection_offset", self.detection_offset, COST),
+            ("min_score", self.min_score, COST),
+            ("frames_per_s", self.frames_per_s, RATE_HZ),
+            ("skip", Some(f64::from(self.skip)), FRAMES),
         ];
-        check_numbers(given(&positive), |value| value >= 0.0, "a number from 0")?;
-        let finite = [
-            ("link_cost", self.link_cost),
-            ("birth_cost", self.birth_cost),
-            ("detection_offset", self.detection_offset),
-            ("min_score", self.min_score),
-        ];
-        check_numbers(given(&finite), |_| true, "a number")?;
-        let rate = [("frames_per_s", self.frames_per_s)];
-        check_numbers(given(&rate), |rate| rate > 0.0, "the frames per second")?;
+        check_ranges(given.into_iter().filter_map(|(name, value, range)| Some((name, value?, range))))?;
         if self.window == Some(0) {
             return Err(Error::option("window", "is 0; give frames from 1"));
         }
         if self.max_gap == Some(0) {
             return Err(Error::option("max_gap", "is 0; 1 links a frame with the next one only"));
         }
+        let gaps = [("window", self.window), ("max_gap", self.max_gap)];
+        check_ranges(
+            gaps.into_iter().filter_map(|(name, frames)| Some((name, f64::from(frames?), SOME_FRAMES))),
+        )?;
         if self.solver == SolverKind::Greedy && self.direction_threshold.is_some() {
             return Err(Error::option(
                 "solver",
@@ -217,9 +220,4 @@ impl LinkOptions {
         let default = if self.is_published() { 0.0 } else { chosen::SMOOTH_S * self.rate() };
         FillOptions { interpolate: !self.keep_gaps, smooth_frames: self.smooth_frames.unwrap_or(default) }
     }
-}
-
-/// The options that are set, with their names.
-fn given<'a>(options: &[(&'a str, Option<f64>)]) -> impl Iterator<Item = (&'a str, f64)> {
-    options.iter().filter_map(|(name, value)| Some((*name, (*value)?)))
 }

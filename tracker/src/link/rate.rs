@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use shell::ranges::RATE_HZ;
+
 use crate::{Error, Result};
 
 /// File name of MOTChallenge's description of a sequence.
@@ -20,9 +22,9 @@ pub fn beside(file: &Path) -> Result<Option<f64>> {
         let Some((key, value)) = line.split_once('=').filter(|(key, _)| key.trim() == "frameRate") else {
             continue;
         };
-        let rate = value.trim().parse().ok().filter(|rate: &f64| *rate > 0.0 && rate.is_finite());
+        let rate = value.trim().parse().ok().filter(|rate| RATE_HZ.contains(*rate));
         return rate.map(Some).ok_or_else(|| {
-            let problem = format!("{} is `{}`; write the frames a second", key.trim(), value.trim());
+            let problem = format!("{} is `{}`; write {RATE_HZ}", key.trim(), value.trim());
             Error::content(&path, format!("line {}", index + 1), problem)
         });
     }

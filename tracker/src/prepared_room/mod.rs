@@ -17,9 +17,11 @@ use nalgebra::{Point2, Vector3};
 use scenes::depth::{self, DepthMap};
 use scenes::room::{Room, Zone};
 use scenes::walkable::{self, WalkableMap};
+use shell::ranges::SIDE_PX;
 
 pub use self::floor::Floor;
 use crate::observation::PersonBox;
+use crate::option_checks::check_ranges;
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
@@ -107,6 +109,7 @@ impl PreparedRoom {
                 ),
             ));
         }
+        check_ranges([("working_width_px", f64::from(options.working_width_px), SIDE_PX)])?;
         let mut cameras = Vec::new();
         for name in names {
             let of_room = room.camera(name)?;

@@ -4,12 +4,12 @@
 //! disk, before an id is used: however a program ends, ids go on above the highest one in any file. To do so seldom, ids
 //! are reserved by the block. The number of the last frame stands in the files of the last day.
 
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use calib::files::read_text;
 use serde::{Deserialize, Serialize};
+use shell::files::FolderLock;
 
 use super::Day;
 use super::day::days_in;
@@ -20,14 +20,10 @@ use crate::{Error, PersonEstimate, Result};
 
 /// Name of the file in the room's folder.
 const FILE: &str = "service.json";
-/// File that is locked while a run writes to the folder.
-const LOCK: &str = "service.lock";
 /// Number of ids that are reserved at once.
 const BLOCK: u32 = 50;
 /// Longest wait for an earlier run to end.
 const LONGEST_WAIT: Duration = Duration::from_mins(1);
-/// Interval at which its end is looked for.
-const LOOK: Duration = Duration::from_millis(100);
 
 /// State of a room's folder.
 #[derive(Debug)]
@@ -41,7 +37,7 @@ pub struct RoomJournal {
     /// The last line before this run.
     last: Option<FrameLine>,
     /// Unlocked when it is dropped.
-    _lock: File,
+    _lock: FolderLock,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -60,7 +56,8 @@ impl RoomJournal {
     /// A folder that cannot be written, that another run does not leave, or whose state cannot be used.
     pub fn open(out: &Path, today: Day) -> Result<Self> {
         std::fs::create_dir_all(out).map_err(Error::io(out))?;
-        let lock = lock(&out.join(LOCK))?;
+        let path = out.join(FolderLock::NAME);
+        let lock = FolderLock::take_file(&path, out, "tracker serve", LONGEST_WAIT)?;
         let path = out.join(FILE);
         let last = last_frame_line(out)?;
         let content = if path.exists() {
@@ -155,34 +152,7 @@ impl RoomJournal {
         let path = self.out.join(FILE);
         let text = serde_json::to_string(&self.content)
             .map_err(|e| Error::content(&path, "whole file", format!("cannot be written ({e})")))?;
-        let written = (|| {
-            let mut beside = tempfile::Builder::new()
-                .permissions(calib::files::readable_by_all())
-                .tempfile_in(&self.out)?;
-            std::io::Write::write_all(&mut beside, (text + "\n").as_bytes())?;
-            beside.as_file().sync_all()?;
-            beside.persist(&path).map_err(|e| e.error)?;
-            // The new name, too, must survive a loss of power.
-            File::open(&self.out)?.sync_all()
-        })();
-        written.map_err(Error::io(&path))
-    }
-}
-
-/// Locks the folder; waits for an earlier run that is still ending.
-fn lock(path: &Path) -> Result<File> {
-    let file = File::options().create(true).append(true).open(path).map_err(Error::io(path))?;
-    let begun = Instant::now();
-    loop {
-        match file.try_lock() {
-            Ok(()) => return Ok(file),
-            Err(TryLockError::WouldBlock) if begun.elapsed() < LONGEST_WAIT => std::thread::sleep(LOOK),
-            Err(TryLockError::WouldBlock) => {
-                let problem = "another run writes to this folder; end it, or give another folder";
-                return Err(Error::content(path, "lock", problem));
-            }
-            Err(TryLockError::Error(e)) => return Err(Error::io(path)(e)),
-        }
+        Ok(calib::files::write_atomic(&path, (text + "\n").as_bytes())?)
     }
 }
 

@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use shell::ranges::PIXELS;
+
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
@@ -126,6 +128,11 @@ fn parse_row(content: &str) -> std::result::Result<(u32, DetectedBox), String> {
     if !(width > 0.0 && height > 0.0) {
         return Err(format!("the box is {width} × {height} pixels; give a width and a height above 0"));
     }
+    for (name, value) in COLUMNS[2..6].iter().zip([left, top, width, height]) {
+        if let Some(problem) = PIXELS.defect(value) {
+            return Err(format!("{name} {problem}"));
+        }
+    }
     let appearance = (!vector.is_empty()).then(|| vector.into());
     Ok((frame as u32, DetectedBox { pixels: PixelBox { left, top, width, height }, appearance }))
 }
@@ -166,6 +173,7 @@ mod tests {
             ("1.5,1,1,1,5,5,1", "frames are"),
             ("1764151200,1,1,1,5,5,1", "to 100000000"),
             ("1,-1,1,1,0,5,1", "0 × 5 pixels"),
+            ("1,-1,1,1e300,5,5,1", "top is 1e300; give -1000000 to 1000000 pixels"),
             ("1,-1,1,1,5,5,1,-1,-1,-1,0.5", "1 appearance values"),
             ("1,-1,1,1,5,5,1,-1,-1,-1,x", "column 11"),
             ("\u{0}\u{1}binary", "no number"),

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use shell::ranges::{RATE_HZ, TIME_S};
+
 use crate::{Error, Result};
 
 /// Default frame rate, frames a second.
@@ -30,10 +32,9 @@ impl Times {
     /// # Errors
     /// A rate that is not positive and finite.
     pub fn steady(rate: f64) -> Result<Self> {
-        if rate > 0.0 && rate.is_finite() {
-            Ok(Self::Rate(rate))
-        } else {
-            Err(Error::option("rate", format!("{rate} is no rate; give frames a second, above 0")))
+        match RATE_HZ.defect(rate) {
+            None => Ok(Self::Rate(rate)),
+            Some(problem) => Err(Error::option("rate", problem)),
         }
     }
 
@@ -53,8 +54,8 @@ impl Times {
                     format!("`{}` is no number; give seconds, one line a frame", line.trim()),
                 )
             })?;
-            if !time.is_finite() {
-                return Err(Error::content(path, place(), format!("{time} is no time; give seconds")));
+            if let Some(problem) = TIME_S.defect(time) {
+                return Err(Error::content(path, place(), format!("the time {problem}")));
             }
             if let Some(before) = seconds.last()
                 && time <= *before

@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use shell::ranges::{BODY_M, FRAME_NUMBER, ROOM_M, Range, TIME_S};
 
 use super::count;
 use crate::events::{CameraState, Clock};
@@ -67,6 +68,25 @@ pub struct PersonLine {
 }
 
 impl FrameLine {
+    /// Defect of a line that no run can have written: a number out of its range.
+    fn defect(&self) -> Option<String> {
+        let of_person = |person: &PersonLine| {
+            let numbers = [
+                ("x", person.x, ROOM_M),
+                ("y", person.y, ROOM_M),
+                ("height", person.height, BODY_M),
+                ("radius", person.radius, BODY_M),
+            ];
+            let defect =
+                |(name, value, range): (&str, f64, Range)| Some(format!("{name} {}", range.defect(value)?));
+            let problem = numbers.into_iter().find_map(defect)?;
+            Some(format!("person {}: {problem}", person.id.0))
+        };
+        let number = FRAME_NUMBER.defect(f64::from(self.frame)).map(|problem| format!("frame {problem}"));
+        let time = || TIME_S.defect(self.time).map(|problem| format!("time {problem}"));
+        number.or_else(time).or_else(|| self.people.iter().find_map(of_person))
+    }
+
     /// Line of a moment. `cameras` are the names of the room's cameras, `set_aside` the indices of those without usable
     /// pictures, with the reason.
     pub(crate) fn new(
@@ -183,6 +203,9 @@ impl FrameLines {
                 .map_err(|e| refuse(format!("is no frame as `tracker run` writes it ({e})")))?;
             if self.last_frame >= frame.frame && self.last_frame > 0 {
                 return Err(refuse(format!("frame {} comes after a later one", frame.frame)));
+            }
+            if let Some(problem) = frame.defect() {
+                return Err(refuse(problem));
             }
             self.last_frame = frame.frame;
             return Ok(Some(frame));

@@ -5,6 +5,8 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use shell::files::StagedFile;
+
 use super::Persistence;
 use crate::{Error, Result};
 
@@ -50,7 +52,8 @@ impl LineFile {
     pub(crate) fn append(&mut self, lines: &str) -> Result<()> {
         let file = match self.file.take() {
             Some(file) => file,
-            None => self.open()?,
+            None if self.persistence.continues() => self.open()?,
+            None => return self.begin(lines),
         };
         let written = (&*file).write_all(lines.as_bytes());
         if written.is_ok() {
@@ -63,24 +66,33 @@ impl LineFile {
         written.map_err(Error::io(&self.path))
     }
 
-    /// Creates the file, or opens one that goes on; with the header, if it has no line yet.
+    /// Begins the file with its header and first lines, in place of an older one, which a full disk leaves alone.
+    fn begin(&mut self, lines: &str) -> Result<()> {
+        let text = format!("{}{lines}", self.header);
+        let begun = || {
+            let mut file = StagedFile::create(&self.path)?;
+            file.write_all(text.as_bytes())?;
+            file.finish_open()
+        };
+        self.file = Some(Arc::new(begun().map_err(Error::io(&self.path))?));
+        self.length = text.len() as u64;
+        Ok(())
+    }
+
+    /// Opens a file that goes on; with the header, if it has no line yet.
     fn open(&mut self) -> Result<Arc<File>> {
         if let Some(folder) = self.path.parent() {
             std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
         }
         let io = || Error::io(&self.path);
-        let mut file = if self.persistence.continues() {
-            File::options()
-                .read(true)
-                .write(true)
-                .create(true)
-                .truncate(false)
-                .open(&self.path)
-                .map_err(io())?
-        } else {
-            File::create(&self.path).map_err(io())?
-        };
-        self.length = if self.persistence.continues() { cut_torn_line(&mut file).map_err(io())? } else { 0 };
+        let mut file = File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&self.path)
+            .map_err(io())?;
+        self.length = cut_torn_line(&mut file).map_err(io())?;
         if self.length == 0 {
             file.write_all(self.header.as_bytes()).map_err(io())?;
             self.length = self.header.len() as u64;
@@ -162,6 +174,26 @@ mod tests {
         lines.file = Some(file);
         lines.append("second\n").unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "first\nsecond\n");
+    }
+
+    #[test]
+    fn an_older_file_stays_until_the_first_lines_are_on_the_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out/lines.txt");
+        std::fs::create_dir(folder.path().join("out")).unwrap();
+        std::fs::write(&path, "older\n").unwrap();
+        let mut lines = LineFile::new(path.clone()).with_header("head\n");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "older\n");
+        lines.append("first\n").unwrap();
+        lines.append("second\n").unwrap();
+        lines.append("").unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "head\nfirst\nsecond\n");
+        // A device that is always full, by a link of the file's name.
+        if Path::new("/dev/full").exists() {
+            std::os::unix::fs::symlink("/dev/full", folder.path().join("full.txt")).unwrap();
+            let mut lines = LineFile::new(folder.path().join("full.txt"));
+            assert!(lines.append("lost\n").unwrap_err().to_string().contains("full.txt"));
+        }
     }
 
     #[test]

@@ -16,8 +16,34 @@ pub mod rows;
 mod timings;
 mod write;
 
+use std::path::{Path, PathBuf};
+
 pub use agents::AgentsFile;
 pub(crate) use line_file::{LineFile, last_line};
 pub use persistence::Persistence;
 pub use timings::{StageTimes, Stopwatch, Timings};
 pub use write::TrackFiles;
+
+/// Files of a finished run that other commands read, and its folder: what their outputs must not take the place of.
+pub fn files_of_run(out: &Path) -> Vec<PathBuf> {
+    const NAMES: [&str; 11] = [
+        "tracks.txt",
+        "tracks.jsonl",
+        "timings.json",
+        "agents.jsonl",
+        "events.jsonl",
+        "counts.csv",
+        "heat.csv",
+        "heat.png",
+        "groups.csv",
+        "plan.png",
+        "experiment.json",
+    ];
+    let mut files: Vec<PathBuf> = NAMES.iter().map(|name| out.join(name)).collect();
+    for folder in ["boxes", "overlay"] {
+        let entries = std::fs::read_dir(out.join(folder)).into_iter().flatten().flatten();
+        files.extend(entries.map(|entry| entry.path()));
+    }
+    files.push(out.to_owned());
+    files
+}

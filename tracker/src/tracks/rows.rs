@@ -7,6 +7,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
+use shell::ranges::{COST, FRAME_NUMBER, PIXELS, ROOM_M, shown};
 
 use crate::{Error, Result};
 
@@ -137,12 +138,15 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
     }
     let whole = |value: f64| value.fract() == 0.0 && value <= f64::from(u32::MAX);
     if !(whole(values[0]) && values[0] >= 1.0) {
-        return Err(format!("frame is {}; frames are whole numbers from 1", values[0]));
+        return Err(format!("frame is {}; frames are whole numbers from 1", shown(values[0])));
+    }
+    if let Some(problem) = FRAME_NUMBER.defect(values[0]) {
+        return Err(format!("frame {problem}"));
     }
     if !(whole(values[1]) && values[1] >= -1.0) {
         return Err(format!(
             "id is {}; ids are whole numbers from 0, or −1 if the person is unknown",
-            values[1]
+            shown(values[1])
         ));
     }
     let column = |index: usize| values.get(index).copied();
@@ -156,6 +160,17 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
         (Some(x), Some(y), z) if (x, y, z.unwrap_or(0.0)) != (-1.0, -1.0, -1.0) => Some(Point2::new(x, y)),
         _ => None,
     };
+    // A box's row may have other things in the columns of the place, and the place's row in those of the box.
+    let columns = if pixel_box.is_some() { 2..6 } else { 7..values.len().min(10) };
+    let range = if pixel_box.is_some() { PIXELS } else { ROOM_M };
+    for index in columns {
+        if let Some(problem) = range.defect(values[index]) {
+            return Err(format!("{} {problem}", COLUMNS[index]));
+        }
+    }
+    if let Some(problem) = column(6).and_then(|confidence| COST.defect(confidence)) {
+        return Err(format!("confidence {problem}"));
+    }
     if pixel_box.is_none() && position.is_none() {
         return Err("has neither a box (width and height above 0) nor a floor position (x, y, z)".into());
     }
@@ -201,6 +216,11 @@ mod tests {
             ("1,2,3,4,5", "5 columns"),
             ("1,1,-1,-1,-1,-1,1,NaN,0,0", "x is NaN"),
             ("1,1,-1,-1,-1,-1,1,0,inf,0", "y is inf"),
+            ("1e10,1,1,1,5,5,1", "frames are"),
+            ("4000000001,1,1,1,5,5,1", "1 to 4000000000"),
+            ("1,1,1,1e300,5,5,1", "top is 1e300; give -1000000 to 1000000 pixels"),
+            ("1,1,-1,-1,-1,-1,1,0,20000,0", "y is 20000; give -10000 to 10000 metres"),
+            ("1,1,1,1,5,5,1e300", "confidence is 1e300"),
             ("0,1,1,1,5,5,1", "frames are"),
             ("1.5,1,1,1,5,5,1", "frames are"),
             ("1,-2,1,1,5,5,1", "ids are"),

@@ -28,6 +28,7 @@ use image::RgbImage;
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, WriteOptions, Writer};
 use scenes::room::Room;
+use shell::files::StagedFile;
 
 use self::messages::Timestamp;
 use self::wire::ProtoMessage;
@@ -58,19 +59,13 @@ pub struct McapReport {
 /// # Errors
 /// A run that cannot be read or has no frame, a film that cannot be read, a file that cannot be written.
 pub fn write(out: &Path, room: &Room, file: &Path, options: McapOptions) -> Result<McapReport> {
-    let folder = file.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-    let mut beside = tempfile::Builder::new()
-        .prefix(".mcap-")
-        .permissions(calib::files::readable_by_all())
-        .tempfile_in(folder)
-        .map_err(Error::io(folder))?;
+    let mut beside = StagedFile::create(file).map_err(Error::io(file))?;
     let report = {
-        let mut export = Export::start(BufWriter::new(beside.as_file_mut()), file)?;
+        let mut export = Export::start(BufWriter::new(&mut beside), file)?;
         export.run(out, room, options)?;
         export.finish()?
     };
-    beside.persist(file).map_err(|e| Error::Io { path: file.to_owned(), source: e.error })?;
+    beside.finish().map_err(Error::io(file))?;
     Ok(report)
 }
 

@@ -95,10 +95,7 @@ impl WeightMap {
             let center = camera.pinhole.center();
             // Cameras outside are drawn on the border.
             let at = pixel(&Point2::new(center.x, center.y));
-            let at = Point2::new(
-                at.x.clamp(8.0, f64::from(width) - 8.0),
-                at.y.clamp(8.0, f64::from(height) - 8.0),
-            );
+            let at = Point2::new(within_border(at.x, width), within_border(at.y, height));
             canvas.fill_circle(at, 5.0, Color::from(Rgb([90, 220, 255])));
             canvas.text(at, &camera.name, &TextStyle::new(13.0).on_plate(Color::INK.alpha(0.6)));
         }
@@ -111,6 +108,12 @@ impl WeightMap {
         canvas.text(Point2::new(8.0, 8.0), &title, &TextStyle::new(17.0).on_plate(Color::INK.alpha(0.7)));
         canvas.into_image()
     }
+}
+
+/// The place on a side of the picture, pixels, moved inside of its border: 8 pixels, less in a narrow picture.
+fn within_border(at: f64, side_px: u32) -> f64 {
+    let border = (0.5 * f64::from(side_px)).min(8.0);
+    at.clamp(border, f64::from(side_px) - border)
 }
 
 /// Sets the weights of all cells to 0 that fewer than the most cameras see.

@@ -20,6 +20,10 @@ const CELL_M: f64 = 0.25;
 /// Largest number of cells of a region; a wide region gets larger cells.
 const MOST_CELLS: f64 = 12_000.0;
 
+/// Largest number of squares of the box around a region, most of which may lie outside of it: a zone that is a kilometre
+/// away must not exhaust memory.
+const MOST_SQUARES: f64 = 2_000_000.0;
+
 /// Region of the floor, divided into cells.
 #[derive(Debug, Clone)]
 pub(super) struct BirthMap {
@@ -54,8 +58,9 @@ impl BirthMap {
         let hits = (0..LOOKS * LOOKS)
             .filter(|k| inside(at(k % LOOKS, LOOKS, low.x, high.x), at(k / LOOKS, LOOKS, low.y, high.y)))
             .count();
-        let area = (high.x - low.x) * (high.y - low.y) * hits as f64 / (LOOKS * LOOKS) as f64;
-        let cell_m = (area / MOST_CELLS).sqrt().max(CELL_M);
+        let box_area = (high.x - low.x) * (high.y - low.y);
+        let area = box_area * hits as f64 / (LOOKS * LOOKS) as f64;
+        let cell_m = (area / MOST_CELLS).sqrt().max((box_area / MOST_SQUARES).sqrt()).max(CELL_M);
         let columns = ((high.x - low.x) / cell_m).ceil().max(1.0) as usize;
         let rows = ((high.y - low.y) / cell_m).ceil().max(1.0) as usize;
         let mut cells = Vec::new();

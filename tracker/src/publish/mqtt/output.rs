@@ -6,6 +6,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use scenes::room::Room;
 use serde::Serialize;
+use shell::ranges::RATE_HZ;
 
 use super::MqttOptions;
 use super::connection::{Connection, ConnectionCounts};
@@ -14,6 +15,7 @@ use super::scenescape::Scene;
 use super::topics::Topics;
 use crate::events::{Clock, Event, EventOptions, Events, PlaceCount, Tally};
 use crate::foreground::Verdict;
+use crate::option_checks::check_numbers;
 use crate::prepared_room::PreparedRoom;
 use crate::tracks::jsonl::FrameLine;
 use crate::{Error, PersonEstimate, Result};
@@ -95,10 +97,8 @@ impl MqttOutput {
         room: &Room,
         prepared: &PreparedRoom,
     ) -> Result<Self> {
-        if !(options.rate_hz > 0.0 && options.rate_hz.is_finite()) {
-            let problem = format!("{} is no rate; give messages a second, above 0", options.rate_hz);
-            return Err(Error::option("mqtt_rate", problem));
-        }
+        let is_rate = |rate: f64| rate > 0.0 && RATE_HZ.contains(rate);
+        check_numbers([("mqtt_rate", options.rate_hz)], is_rate, "messages a second, above 0")?;
         let topics = Topics::new(&broker.address.prefix, &options.room);
         let connection = Connection::start(broker, topics.status())?;
         connection.check(FIRST_ATTEMPT)?;
