@@ -11,7 +11,7 @@ use ffmpeg::{Discard, Error, Packet, codec, decoder, format, frame};
 use image::RgbImage;
 
 use super::container;
-use super::pixels::{self, RgbBuffers};
+use super::pixels::{Orientation, RgbBuffers};
 use super::stamp::{FrameStamp, PacketTimes, PresentationClock};
 
 /// Longest time that a stream may take to open, and between two of its frames.
@@ -28,7 +28,7 @@ pub(super) struct Decoder {
     codec: decoder::Video,
     picture: frame::Video,
     rgb: RgbBuffers,
-    quarter_turns: u8,
+    orientation: Orientation,
     /// Packets that the decoder has refused since the last picture.
     torn: usize,
     /// Timeouts of the network; `None` for files.
@@ -87,7 +87,7 @@ impl Decoder {
         let (index, tick, codec) = (stream.index(), stream.time_base(), stream.parameters().id());
         let rate_hz = container::rate_hz(&stream);
         let frames = container::frames(&stream, &input);
-        let quarter_turns = container::quarter_turns(&stream);
+        let orientation = container::orientation(&stream);
         let zero_s = container::zero_s(&input, patience.is_none() || frames.is_some());
         let is_end_known = stream.duration() > 0 && stream.start_time() != i64::MIN;
         let shown_until = if is_end_known { stream.start_time() + stream.duration() } else { i64::MAX };
@@ -99,7 +99,7 @@ impl Decoder {
             stream: index,
             picture: frame::Video::empty(),
             rgb: RgbBuffers::new(),
-            quarter_turns,
+            orientation,
             torn: 0,
             patience,
             end: None,
@@ -131,7 +131,7 @@ impl Decoder {
 
     /// Width and height of the picture decoded last, upright.
     pub(super) fn size(&self) -> (u32, u32) {
-        pixels::turned((self.picture.width(), self.picture.height()), self.quarter_turns)
+        self.orientation.size((self.picture.width(), self.picture.height()))
     }
 
     /// Times of the picture decoded last.
@@ -209,7 +209,7 @@ impl Decoder {
 
     /// Converts the picture decoded last into an image of any size.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), Error> {
-        self.rgb.picture(&self.picture, self.quarter_turns, into)
+        self.rgb.picture(&self.picture, self.orientation, into)
     }
 }
 
