@@ -52,7 +52,8 @@ pub(super) fn unreadable_line(bytes: &[u8]) -> Option<(usize, String)> {
 const MEND: &str = "export the geometry without this property, or rename it";
 
 fn type_problem(word: &str) -> Option<String> {
-    let problem = || format!("the type `{}` is not read ({}); {MEND}", shown(word), TYPES[..8].join(", "));
+    let problem =
+        || format!("the type `{}` is not read; export it as one of {}", shown(word), TYPES[..8].join(", "));
     (!TYPES.contains(&word)).then(problem)
 }
 
