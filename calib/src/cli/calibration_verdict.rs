@@ -12,7 +12,7 @@ use nalgebra::Point2;
 /// Residual that is many times what corners are found to, pixels rms.
 const BAD_RMS_PX: f64 = 10.0 * CORNER_SIGMA_PX;
 /// Uncertainty of a ray from which on the boards do not bear out the lens there, pixels.
-const UNCERTAIN_PX: f64 = 3.0;
+const UNCERTAIN_PX: f64 = 5.0;
 /// Points of the picture at which rays are looked at, across and down; odd, so that there is a middle.
 const GRID: (u32, u32) = (33, 25);
 

@@ -44,6 +44,11 @@ pub(super) fn rate_hz(stream: &Stream) -> Option<f64> {
     [stream.rate(), stream.avg_frame_rate()].into_iter().find_map(plausible_hz)
 }
 
+/// Frames per second on average, where the container states it: less than [`rate_hz`] where frames were lost.
+pub(super) fn mean_rate_hz(stream: &Stream) -> Option<f64> {
+    plausible_hz(stream.avg_frame_rate())
+}
+
 fn plausible_hz(rate: Rational) -> Option<f64> {
     let hz = if rate.denominator() == 0 { 0.0 } else { f64::from(rate) };
     (f64::MIN_POSITIVE..FASTEST_HZ).contains(&hz).then_some(hz)
@@ -52,7 +57,7 @@ fn plausible_hz(rate: Rational) -> Option<f64> {
 /// Estimated number of frames that are shown; `None` where the container states neither their number nor its
 /// duration. An edit list shows fewer frames than are stored, and the mean rate may be off.
 pub(super) fn frames(stream: &Stream, input: &Input) -> Option<usize> {
-    let mean_hz = plausible_hz(stream.avg_frame_rate()).or_else(|| rate_hz(stream));
+    let mean_hz = mean_rate_hz(stream).or_else(|| rate_hz(stream));
     let lasts_s = lasts_s(stream, input);
     let lasting = lasts_s.zip(mean_hz).map(|(lasts_s, hz)| (lasts_s * hz).round() as usize);
     let stored = usize::try_from(stream.frames()).ok().filter(|stored| *stored > 0);

@@ -45,6 +45,7 @@ pub(super) struct Decoder {
     last_ticks: Option<i64>,
     stamp: FrameStamp,
     rate_hz: Option<f64>,
+    mean_rate_hz: Option<f64>,
     frames: Option<usize>,
 }
 
@@ -86,6 +87,7 @@ impl Decoder {
         context.set_threading(threading::Config { kind, ..threading::Config::default() });
         let (index, tick, codec) = (stream.index(), stream.time_base(), stream.parameters().id());
         let rate_hz = container::rate_hz(&stream);
+        let mean_rate_hz = container::mean_rate_hz(&stream);
         let frames = container::frames(&stream, &input);
         let orientation = container::orientation(&stream);
         let zero_s = container::zero_s(&input, patience.is_none() || frames.is_some());
@@ -110,6 +112,7 @@ impl Decoder {
             last_ticks: None,
             stamp: FrameStamp::now(),
             rate_hz,
+            mean_rate_hz,
             frames,
         })
     }
@@ -122,6 +125,11 @@ impl Decoder {
     /// Frames per second, where the container states it.
     pub(super) fn rate_hz(&self) -> Option<f64> {
         self.rate_hz
+    }
+
+    /// Frames per second on average, where the container states it.
+    pub(super) fn mean_rate_hz(&self) -> Option<f64> {
+        self.mean_rate_hz
     }
 
     /// Estimated number of frames, where the container states the number or its duration.

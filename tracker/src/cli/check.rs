@@ -143,10 +143,9 @@ fn shifts(args: &CheckArgs, room: &Room, films: &[NamedSource]) -> anyhow::Resul
         let (name, reference) = (&prepared.cameras[camera].name, &prepared.cameras[offset.reference].name);
         let (offset_s, given_s) = (offset.offset_s, alignments[camera].offset_s);
         let text = format!(
-            "its people are {:.2} ± {:.2} s {} those of `{reference}`: give --offset {name}={:.2}",
-            offset_s.abs(),
+            "by the people seen, its first frame was taken {offset_s:.2} ± {:.2} s after that of `{reference}`: give --offset \
+             {name}={:.2}",
             offset.sigma_s,
-            if offset_s > 0.0 { "ahead of" } else { "behind" },
             given_s + offset_s
         );
         let film =

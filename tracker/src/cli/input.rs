@@ -73,7 +73,7 @@ impl RunSources {
             }
             let clocks = args.clocks.clocks(&sources)?;
             if args.clocks.is_default() {
-                warn_of_starts(&sources);
+                warn_of_times(&sources);
             }
             return Ok(Self::Local { sources, clocks });
         }
@@ -150,8 +150,15 @@ impl RunSources {
     }
 }
 
-/// Warns of recordings that begin at another time of their own clock than the others.
-fn warn_of_starts(sources: &[CameraSource]) {
+/// Warns of recordings with an uneven rate, and of those that begin at another time of their own clock than the others.
+fn warn_of_times(sources: &[CameraSource]) {
+    for source in sources {
+        if let Some(VideoSource::Recorded(video)) = &source.video
+            && let Some(problem) = film_times::uneven_rate(video)
+        {
+            tracing::warn!("{}={}: {problem}", source.name, video.name());
+        }
+    }
     let recorded = |source: &CameraSource| match &source.video {
         Some(VideoSource::Recorded(video)) if video.is_recording() => {
             // What cannot be read is reported by the run itself.

@@ -33,6 +33,8 @@ pub(super) struct Landmarks {
 /// Agreement of a film's picture with a reference picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Agreement {
+    /// Number of keypoints whose descriptors match.
+    pub(super) matches: usize,
     /// Number of matches that agree on one rotation.
     pub(super) agreeing: usize,
     /// Number of matches that agree with no rotation at all.
@@ -115,6 +117,7 @@ impl Landmarks {
             }
         }
         Agreement {
+            matches: pairs.len(),
             agreeing: best.0.len(),
             unmoved: unmoved.len(),
             film_from_reference: UnitQuaternion::from_rotation_matrix(&best.1),

@@ -109,6 +109,18 @@ impl FilmTimes {
     }
 }
 
+/// Problem of a film whose header says that frames were lost or come at an uneven rate; `None` without one.
+pub fn uneven_rate(film: &FrameSource) -> Option<String> {
+    let (stated_hz, mean_hz) = film.rate().zip(film.mean_rate())?;
+    let is_uneven = (mean_hz / stated_hz - 1.0).abs() > RATE_TOLERANCE;
+    is_uneven.then(|| {
+        format!(
+            "states {stated_hz:.2} frames/s, and {mean_hz:.2} on average: frames were lost, or come at an uneven rate; the run goes \
+             by the file's times (--times decides otherwise)"
+        )
+    })
+}
+
 /// Films that begin at another time of their own clock than the first film does.
 pub fn starts(films: &[FilmTimes]) -> Vec<Finding> {
     let known = || films.iter().filter_map(|film| Some((film, film.start_s()?)));

@@ -18,6 +18,10 @@ const SIDE_PX: u32 = 640;
 const LEAST_AGREEING: usize = 12;
 /// Fewest matches for a finding about the camera's pose or another camera's view.
 const CLEARLY_AGREEING: usize = 25;
+/// Number of matches from which on no other camera's reference picture is looked at.
+const SURELY_AGREEING: usize = 250;
+/// Least share of the matches that agree with the view of a camera that has turned; two cameras of one room share walls.
+const TURNED_SHARE: f64 = 0.5;
 /// Factor by which another camera's reference picture must agree better.
 const MUCH_BETTER: usize = 3;
 /// Turn of a camera that is told, degrees.
@@ -108,7 +112,7 @@ fn compare_one(
     let finding = |text: String| {
         Ok((report.clone(), Some(Finding { camera: film.camera.clone(), film: film.film.clone(), text })))
     };
-    if here.agreeing < CLEARLY_AGREEING {
+    if here.agreeing < SURELY_AGREEING {
         let mut best: Option<(usize, usize)> = None;
         for (other, reference) in references.iter().enumerate().filter(|(other, _)| *other != own) {
             let Some(reference) = reference else { continue };
@@ -140,6 +144,7 @@ fn compare_one(
         return Ok((report, None));
     }
     let is_turned = here.agreeing >= CLEARLY_AGREEING
+        && here.agreeing as f64 >= TURNED_SHARE * here.matches as f64
         && here.angle_deg() >= TURNED_DEG
         && (here.unmoved as f64) < UNMOVED_SHARE * here.agreeing as f64;
     if is_turned {
