@@ -1,13 +1,14 @@
 //! Checks of a run's films before it: do they show what the room's cameras see, and do their times fit?
 //!
 //! * [`views`] — each film's empty scene against the room's reference pictures: films that were swapped, a camera that has
-//!   turned since, another room.
+//!   turned since, another room, somebody who stands still for most of a film.
 //! * [`film_times`] — the times that a film's file states: its start, gaps, and a rate that its header has wrong.
 //!
 //! A finding is a warning: the run goes on with what it was given.
 
 mod agreement;
 pub mod film_times;
+mod still_people;
 #[cfg(test)]
 mod tests;
 pub mod views;

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use calib::Intrinsics;
 use calib::video::FrameSource;
+use calib::{Camera, Intrinsics};
 use image::{GrayImage, RgbImage};
 use rayon::prelude::*;
 use scenes::room::Room;
 
-use super::Finding;
 use super::agreement::{Agreement, Landmarks};
+use super::{Finding, still_people};
 use crate::Result;
 
 /// Larger side to which pictures are brought, pixels.
@@ -62,6 +62,12 @@ pub fn compared_size(intrinsics: &Intrinsics) -> (u32, u32) {
     (scaled(width), scaled(height))
 }
 
+/// A reference picture that could be read.
+struct Reference {
+    picture: GrayImage,
+    landmarks: Landmarks,
+}
+
 /// Compares films with the reference pictures of a room that was read from `room_dir`.
 ///
 /// Films of cameras without a reference picture, and reference pictures that cannot be read, are left out.
@@ -73,14 +79,15 @@ pub fn compare(
     room_dir: &Path,
     films: &[EmptyScene],
 ) -> Result<(Vec<ViewReport>, Vec<Finding>)> {
-    let references: Vec<Option<Landmarks>> = room
+    let references: Vec<Option<Reference>> = room
         .cameras
         .par_iter()
         .map(|camera| {
             let Some(path) = &camera.reference else { return Ok(None) };
             let (width, height) = compared_size(&camera.camera.intrinsics);
             let Some(picture) = read(&room_dir.join(path), (width, height)) else { return Ok(None) };
-            Landmarks::of(&picture, &camera.camera.intrinsics.resized(width, height)).map(Some)
+            let landmarks = Landmarks::of(&picture, &camera.camera.intrinsics.resized(width, height))?;
+            Ok(Some(Reference { picture, landmarks }))
         })
         .collect::<Result<_>>()?;
     let compared: Vec<(ViewReport, Option<Finding>)> =
@@ -91,7 +98,7 @@ pub fn compare(
 
 fn compare_one(
     room: &Room,
-    references: &[Option<Landmarks>],
+    references: &[Option<Reference>],
     film: &EmptyScene,
 ) -> Result<(ViewReport, Option<Finding>)> {
     let nothing = || (ViewReport { camera: film.camera.clone(), agreeing: None }, None);
@@ -100,12 +107,12 @@ fn compare_one(
     };
     let Some(reference) = &references[own] else { return Ok(nothing()) };
     // The film is looked at as if each camera had filmed it, since its lens belongs to its rays.
-    let agreement = |camera: usize, reference: &Landmarks| -> Result<(Agreement, usize)> {
+    let agreement = |camera: usize, reference: &Reference| -> Result<(Agreement, usize)> {
         let intrinsics = &room.cameras[camera].camera.intrinsics;
         let (width, height) = compared_size(intrinsics);
         let picture = scaled(&film.picture, (width, height));
         let seen = Landmarks::of(&picture, &intrinsics.resized(width, height))?;
-        Ok((reference.agreement(&seen), seen.len()))
+        Ok((reference.landmarks.agreement(&seen), seen.len()))
     };
     let (here, keypoints) = agreement(own, reference)?;
     let report = ViewReport { camera: film.camera.clone(), agreeing: Some(here.agreeing) };
@@ -134,7 +141,7 @@ fn compare_one(
         }
     }
     if here.agreeing < LEAST_AGREEING {
-        if keypoints >= LEAST_KEYPOINTS && reference.len() >= LEAST_KEYPOINTS {
+        if keypoints >= LEAST_KEYPOINTS && reference.landmarks.len() >= LEAST_KEYPOINTS {
             return finding(format!(
                 "shows nothing of the room's reference picture of camera `{}` ({} of {keypoints} points agree): is it of another \
                  room, or was the camera moved? Build the room from a capture that ends at the camera's present pose",
@@ -156,6 +163,26 @@ fn compare_one(
             direction(&here),
             here.agreeing
         ));
+    }
+    if here.unmoved >= CLEARLY_AGREEING {
+        let intrinsics = room.cameras[own]
+            .camera
+            .intrinsics
+            .resized(reference.picture.width(), reference.picture.height());
+        let camera = Camera { intrinsics, ..room.cameras[own].camera.clone() };
+        let scene = scaled(&film.picture, reference.picture.dimensions());
+        if let Some(person) = still_people::find(&reference.picture, &scene, &camera).first() {
+            let full = room.cameras[own].camera.intrinsics.width;
+            let scale = f64::from(full) / f64::from(reference.picture.width());
+            return finding(format!(
+                "its empty scene holds what the reference picture does not, {:.1} m high, at pixel ({:.0}, {:.0}): somebody who \
+                 stands still for most of the film? Give --background {}=CLIP, a clip or picture of the empty room",
+                person.height_m,
+                person.foot.x * scale,
+                person.foot.y * scale,
+                film.camera
+            ));
+        }
     }
     Ok((report, None))
 }

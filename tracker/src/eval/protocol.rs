@@ -301,8 +301,8 @@ mod tests {
     #[test]
     fn tracks_on_distractors_do_not_count_and_tracks_on_ignored_people_do() {
         let truth = rows("MOT17/gt.txt", TRUTH);
-        let tracks: String =
-            (0..5).map(|i| format!("1,{},{},0,10,20,1,-1,-1,-1\n", 11 + i, 100 * i)).collect();
+        let row = |i: u32| format!("1,{},{},0,10,20,1,-1,-1,-1\n", 11 + i, 100 * i);
+        let tracks = (0..5).map(row).collect::<Vec<_>>().concat();
         let tracks = rows("tracks.txt", &tracks);
         let judged = Protocol::Auto.judged(&truth, &tracks).unwrap();
         assert_eq!(judged.summary.protocol, Protocol::Mot17);
@@ -368,7 +368,7 @@ mod tests {
         let at = |frame: u32, x: f64| format!("{frame},1,-1,-1,-1,-1,1,{x},0,0\n");
         let (truth, tracks) = (
             rows("t", &[at(1, 0.0), at(6, 0.0)].concat()),
-            rows("k", &(1..=6).map(|f| at(f, 0.9)).collect::<String>()),
+            rows("k", &(1..=6).map(|f| at(f, 0.9)).collect::<Vec<_>>().concat()),
         );
         let options = super::super::EvalOptions { protocol: Protocol::Wildtrack, ..Default::default() };
         let found = super::super::Evaluation::of_rows(&truth, &tracks, &options, None).unwrap();

@@ -168,7 +168,8 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
         (Some(x), Some(y), z) if (x, y, z.unwrap_or(0.0)) != (-1.0, -1.0, -1.0) => Some(Point2::new(x, y)),
         _ => None,
     };
-    let attribute = |index: usize| column(index).filter(|value| pixel_box.is_some() && *value != -1.0);
+    let attribute =
+        |index: usize| column(index).filter(|value| pixel_box.is_some() && (*value + 1.0).abs() > 0.0);
     if pixel_box.is_none() && position.is_none() {
         return Err("has neither a box (width and height above 0) nor a floor position (x, y, z)".into());
     }

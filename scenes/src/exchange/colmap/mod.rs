@@ -155,6 +155,7 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>> {
 mod tests {
     use super::*;
     use crate::exchange::test_room;
+    use crate::geometry::vec3_from_point;
     use approx::assert_relative_eq;
 
     fn room() -> Room {

@@ -37,7 +37,7 @@ pub(super) fn unreadable_line(bytes: &[u8]) -> Option<(usize, String)> {
             ["property", "list", ..] => Some("is no list: property list LENGTH_TYPE TYPE NAME".to_owned()),
             ["property", of, name] => type_problem(of).or_else(|| name_problem(name)),
             ["property", of, name, ..] => type_problem(of).or_else(|| {
-                Some(format!("the property's name holds spaces (`{name} …`), which is not read; {}", MEND))
+                Some(format!("the property's name holds spaces (`{name} …`), which is not read; {MEND}"))
             }),
             ["element", name, _] => name_problem(name),
             _ => None,
