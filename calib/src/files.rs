@@ -8,6 +8,7 @@ use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use shell::files::StagedFile;
 
+use crate::exact_length::ExactLength;
 use crate::{Camera, Distortion, Error, Intrinsics, Result};
 
 /// Writes a file in one step, as [`StagedFile`] does: a reader, a full disk and a loss of power see the old content or
@@ -48,13 +49,15 @@ pub fn read_text(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.to_owned(), source })
 }
 
-/// Parses a TOML file, naming file, line and problem when it does not fit `T`.
+/// Parses a TOML file, naming file, line and problem when it does not fit `T`; an array that is longer than `T`'s does not
+/// fit.
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Content`] with the line and column.
 pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     let text = read_text(path)?;
-    toml::from_str(&text).map_err(|e| {
+    let parsed = toml::Deserializer::parse(&text).and_then(|whole| T::deserialize(ExactLength(whole)));
+    parsed.map_err(|e| {
         let place = e.span().map_or_else(
             || "whole file".to_owned(),
             |span| {
@@ -215,6 +218,10 @@ mod tests {
         assert!(said("").contains("cam.toml"));
         let misspelt = said("width = 640\nheight = 480\nmatrx = 3\n");
         assert!(misspelt.contains("line 3") && misspelt.contains("matrx"), "{misspelt}");
+        let long = said(
+            "width = 6\nheight = 4\nmatrix = [[4, 0, 3], [0, 4, 2], [0, 0, 1]]\ndistortion = [1, 2, 3, 4, 5, 6, 7, 8]\n",
+        );
+        assert!(long.contains("line 4") && long.contains("invalid length 8"), "{long}");
         let negative =
             said("width = 6\nheight = 4\nmatrix = [[-4.0, 0.0, 3.0], [0.0, 4.0, 2.0], [0.0, 0.0, 1.0]]");
         assert!(negative.contains("not positive"), "{negative}");

@@ -10,6 +10,7 @@
 //! * [`resection`] — a camera's pose, and its lens where that is unknown, from known points and their pixels.
 //! * [`picture`] — pictures in files: photographs upright, drawings replaced in one step.
 //! * [`photograph`] — the lens stated by a photograph's EXIF block.
+//! * [`ray_uncertainty`] — standard deviation of a calibrated camera's rays, over its picture.
 //! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
 //! * [`vision`] — the only module that calls OpenCV: optical flow, background models, chessboards.
 //! * [`video`] — the only module that calls FFmpeg: frames in, films out. The rest of the crate builds and tests
@@ -27,10 +28,12 @@ pub mod absolute_orientation;
 mod camera;
 mod distortion;
 mod error;
+mod exact_length;
 pub mod files;
 pub mod least_squares;
 pub mod photograph;
 pub mod picture;
+pub mod ray_uncertainty;
 pub mod resection;
 pub mod rotation;
 pub mod undistort;

@@ -268,3 +268,33 @@ fn boards_that_tell_nothing_are_refused() {
     assert!(!folder.path("lens.toml").exists());
     assert_eq!(folder.calib(&["--help"]).status.code(), Some(0));
 }
+
+#[test]
+fn a_wrong_pick_is_named_and_left_out_and_a_mirrored_world_refused() {
+    let folder = posed();
+    let text = picks(&camera(), &corners());
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    let (start, v) = lines[4].rsplit_once(',').unwrap();
+    lines[4] = format!("{start},{}", v.parse::<f64>().unwrap() + 40.0);
+    folder.write("picks.csv", &lines.join("\n"));
+    let (out, err) = folder.said(&WITH_LENS);
+    assert!(out.contains("camera   at 3.000 2.000 2.200 m") && out.contains("left out"), "{out}");
+    assert!(err.contains("pick 4 does not agree"), "{err}");
+
+    let mirrored: Vec<String> = text
+        .lines()
+        .map(|line| {
+            let words: Vec<&str> = line.split(',').collect();
+            match words[1].parse::<f64>() {
+                Ok(y) => format!("{},{},{},{},{}", words[0], -y, words[2], words[3], words[4]),
+                Err(_) => line.to_owned(),
+            }
+        })
+        .collect();
+    folder.write("picks.csv", &mirrored.join("\n"));
+    folder.refused(&WITH_LENS, &["picks.csv", "mirror", "right-handed"]);
+    folder.refused(
+        &["pose", "--size", "640x480", "--picks", "picks.csv", "--out", "camera.toml"],
+        &["picks.csv"],
+    );
+}

@@ -4,6 +4,7 @@
 //!
 //! * [`source`] — videos, folders of images, streams and ready-made masks, matched with the room's cameras; capture
 //!   times.
+//! * [`doctor`] — checks of the films before a run: do they fit the room, and each other?
 //! * [`foreground`] — foreground masks from one camera's pictures.
 //! * [`prepared_room`] — [`prepared_room::PreparedRoom`]: a room prepared for simulation. Everything below needs one.
 //! * [`observation`] — [`observation::Observation`]: one camera's observation at one time; all data of a picture that
@@ -37,6 +38,7 @@
 
 pub mod chart;
 pub mod detect;
+pub mod doctor;
 mod error;
 pub mod eval;
 pub mod events;

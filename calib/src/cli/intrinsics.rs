@@ -11,6 +11,8 @@ use clap::Args;
 use shell::files::Outputs;
 use shell::ranges::SIZE_M;
 
+use super::calibration_verdict::CalibrationVerdict;
+
 /// Estimate a camera's intrinsics from pictures of a chessboard.
 #[derive(Args)]
 #[command(after_help = "\
@@ -35,6 +37,9 @@ pub(crate) struct Intrinsics {
     /// Folder to write the found corners to, drawn on each picture: the second of a name gets a number
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
+    /// File to draw the uncertainty of each ray to, with the corners that were found
+    #[arg(long, value_name = "FILE")]
+    uncertainty: Option<PathBuf>,
 }
 
 /// Factor over the median residual from which on a view is warned of: a blurred or mistaken board.
@@ -43,7 +48,7 @@ const OUTLIER_FACTOR: f64 = 3.0;
 impl Intrinsics {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
         let drawings = self.drawings();
-        let outputs = drawings.iter().chain([&self.out]).map(PathBuf::as_path);
+        let outputs = drawings.iter().chain([&self.out]).chain(&self.uncertainty).map(PathBuf::as_path);
         Outputs::new(outputs).refuse(&self.images)?;
         let mut out = shell::console::stdout();
         let (mut views, mut names, mut size) = (Vec::new(), Vec::new(), None);
@@ -77,6 +82,11 @@ impl Intrinsics {
             }
         }
         let found = self.pattern.calibrate(&views, size.unwrap_or((0, 0)), self.square)?;
+        let verdict = CalibrationVerdict::of(&found);
+        verdict.refuse_wrong_model(&found, &self.out)?;
+        if let Some(path) = &self.uncertainty {
+            picture::write(path, &verdict.picture(&found)?)?;
+        }
         calib::files::write_intrinsics(&self.out, &found.intrinsics)?;
 
         let k = &found.intrinsics;
@@ -95,7 +105,13 @@ impl Intrinsics {
         let [k1, k2, p1, p2, k3] = k.distortion.into();
         writeln!(out, "distortion       k1 {k1:.4}  k2 {k2:.4}  p1 {p1:.5}  p2 {p2:.5}  k3 {k3:.4}")?;
         writeln!(out, "residual         {:.3} px rms over {} views", found.rms_px, views.len())?;
+        if let Some(line) = verdict.rays_line() {
+            writeln!(out, "rays             {line}")?;
+        }
         writeln!(out, "written          {}", self.out.display())?;
+        for warning in verdict.warnings(&found) {
+            tracing::warn!("{}: {warning}", self.out.display());
+        }
         Ok(())
     }
 

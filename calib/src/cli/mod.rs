@@ -1,5 +1,6 @@
 //! The command line, one file a subcommand.
 
+mod calibration_verdict;
 mod intrinsics;
 mod pose;
 

@@ -6,7 +6,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use calib::files::{read_intrinsics, write_together};
 use calib::picture;
-use calib::resection::{Pick, Resection, resect, resect_with_lens};
+use calib::resection::{
+    Consensus, Pick, mirrored_world, refuse_mirrored_world, resect_by_consensus, resect_with_lens,
+    wrong_from_px,
+};
 use clap::Args;
 use image::Rgb;
 use nalgebra::Point2;
@@ -24,7 +27,7 @@ picks.csv has a header and a line a point: metres in the world, then the pixel (
   1.20,0.00,0.00,455.1,398.2
 
 4 points suffice; more are better, and not all on one plane. Of two poses that fit, the better is taken, and the other is
-told of. Without --intrinsics 6 points in space and the image's size tell the lens, too, but not its distortion; the file
+told of, and picks that do not agree with most others are left out and named. Without --intrinsics 6 points in space and the image's size tell the lens, too, but not its distortion; the file
 then holds both, and serves as either.
 
 Examples:
@@ -70,7 +73,7 @@ struct PickRow {
 
 /// The estimated camera, and the uncertainty of its lens where the lens was estimated from the picks, too.
 struct PoseEstimate {
-    resection: Resection,
+    consensus: Consensus,
     lens_sigma_px: Option<[f64; 4]>,
 }
 
@@ -79,8 +82,9 @@ impl Pose {
         self.refuse_lost_inputs()?;
         let picks = read_picks(&self.picks)?;
         let found = self.resect(&picks)?;
-        let camera = &found.resection.camera;
-        let rms_px = found.resection.rms_px();
+        let Consensus { resection, wrong } = &found.consensus;
+        let camera = &resection.camera;
+        let rms_px = found.consensus.rms_px();
         let text = calib::files::pose_text(camera, rms_px, found.lens_sigma_px.is_some())?;
         let picture = match (&self.image, &self.picture) {
             (Some(image), Some(picture)) => Some((picture, draw(image, picture, &picks, camera)?)),
@@ -91,8 +95,10 @@ impl Pose {
         write_together(&files)?;
 
         let mut out = shell::console::stdout();
-        for (index, residual) in found.resection.residuals_px.iter().enumerate() {
-            writeln!(out, "pick {:2}  {residual:6.2} px", index + 1)?;
+        for (index, residual) in resection.residuals_px.iter().enumerate() {
+            let note =
+                if wrong.contains(&index) { "   ← does not agree with the others; left out" } else { "" };
+            writeln!(out, "pick {:2}  {residual:6.2} px{note}", index + 1)?;
         }
         if let Some(sigma) = found.lens_sigma_px {
             super::print_lens(&mut out, &camera.intrinsics, sigma)?;
@@ -100,7 +106,8 @@ impl Pose {
         let c = camera.center();
         writeln!(out, "camera   at {:.3} {:.3} {:.3} m; residual {rms_px:.2} px rms", c.x, c.y, c.z)?;
         writeln!(out, "written  {}", self.out.display())?;
-        if let Some(alternative) = &found.resection.alternative {
+        self.warn(camera, rms_px, wrong);
+        if let Some(alternative) = &resection.alternative {
             let c = alternative.camera.center();
             tracing::warn!(
                 "{}: a camera at {:.3} {:.3} {:.3} m explains the picks almost as well ({:.2} px rms): pick more points, \
@@ -113,6 +120,31 @@ impl Pose {
             );
         }
         Ok(())
+    }
+
+    /// Warns of a pose that the picks do not bear out.
+    fn warn(&self, camera: &calib::Camera, rms_px: f64, wrong: &[usize]) {
+        let (picks, k) = (self.picks.display(), &camera.intrinsics);
+        if !wrong.is_empty() {
+            let numbers: Vec<String> = wrong.iter().map(|index| (index + 1).to_string()).collect();
+            tracing::warn!(
+                "{picks}: pick {} does not agree with the others and has no part in the pose; correct it or leave it out",
+                numbers.join(" and ")
+            );
+        }
+        let many_px = wrong_from_px(k.width, k.height);
+        if rms_px >= many_px {
+            tracing::warn!(
+                "{picks}: the residual of {rms_px:.1} px is many times what picks are made to (half a pixel): the pose is \
+                 not to be trusted; check the points, their order, and the lens"
+            );
+        }
+        if camera.center().z < 0.0 {
+            tracing::warn!(
+                "{picks}: the camera comes out {:.2} m below z = 0, which is the floor: is the sign of an axis wrong?",
+                -camera.center().z
+            );
+        }
     }
 
     fn refuse_lost_inputs(&self) -> anyhow::Result<()> {
@@ -133,7 +165,11 @@ impl Pose {
                 "without --intrinsics the image's size is needed: give --size, as in --size 640x480, or the --image itself",
             )?;
             let found = resect_with_lens(size, picks).with_context(of_picks)?;
-            return Ok(PoseEstimate { resection: found.resection, lens_sigma_px: Some(found.sigma_px) });
+            let of_mirrored = resect_with_lens(size, &mirrored_world(picks)).ok();
+            refuse_mirrored_world(&found.resection, of_mirrored.as_ref().map(|found| &found.resection))
+                .with_context(of_picks)?;
+            let consensus = Consensus { resection: found.resection, wrong: Vec::new() };
+            return Ok(PoseEstimate { consensus, lens_sigma_px: Some(found.sigma_px) });
         };
         let intrinsics = read_intrinsics(lens)?;
         let (width, height) = (intrinsics.width, intrinsics.height);
@@ -144,8 +180,8 @@ impl Pose {
                 lens.display()
             );
         }
-        let resection = resect(&intrinsics, picks).with_context(of_picks)?;
-        Ok(PoseEstimate { resection, lens_sigma_px: None })
+        let consensus = resect_by_consensus(&intrinsics, picks).with_context(of_picks)?;
+        Ok(PoseEstimate { consensus, lens_sigma_px: None })
     }
 }
 

@@ -3,6 +3,7 @@
 //! Closed forms give starting poses, least squares on the reprojection error refine each, and the least error
 //! decides. The closed form is not chosen from the points beforehand: four corners of a table measured by hand lie
 //! neither on one plane nor well in space, and a plane seen from afar has two poses with nearly the same image.
+//! [`resect_by_consensus`] tells wrong picks and mirrored worlds besides.
 //!
 //! | start | points | source |
 //! |---|---|---|
@@ -11,6 +12,7 @@
 //! | the homography's mirror image | the same | Schweighofer & Pinz, PAMI 2006 |
 //! | three points at a time | 4 or 5 | Grunert's solution, as in Haralick et al., IJCV 1994 |
 
+mod consensus;
 mod lens;
 mod linear;
 mod refine;
@@ -24,6 +26,7 @@ use crate::least_squares::{Loss, Options};
 use crate::{Camera, Error, Intrinsics, Result};
 use linear::PrincipalFrame;
 
+pub use consensus::{Consensus, mirrored_world, refuse_mirrored_world, resect_by_consensus, wrong_from_px};
 pub use lens::{LensResection, resect_with_lens};
 pub use refine::refine_pose;
 

@@ -5,6 +5,7 @@ use ffmpeg::format::context::Input;
 use ffmpeg::format::stream::Stream;
 use ffmpeg::{Rational, media};
 
+use super::pixels::Orientation;
 use super::stamp::seconds;
 
 /// Highest plausible frame rate; a header that claims more states the tick rate of its clock.
@@ -43,6 +44,11 @@ pub(super) fn rate_hz(stream: &Stream) -> Option<f64> {
     [stream.rate(), stream.avg_frame_rate()].into_iter().find_map(plausible_hz)
 }
 
+/// Frames per second on average, where the container states it: less than [`rate_hz`] where frames were lost.
+pub(super) fn mean_rate_hz(stream: &Stream) -> Option<f64> {
+    plausible_hz(stream.avg_frame_rate())
+}
+
 fn plausible_hz(rate: Rational) -> Option<f64> {
     let hz = if rate.denominator() == 0 { 0.0 } else { f64::from(rate) };
     (f64::MIN_POSITIVE..FASTEST_HZ).contains(&hz).then_some(hz)
@@ -51,7 +57,7 @@ fn plausible_hz(rate: Rational) -> Option<f64> {
 /// Estimated number of frames that are shown; `None` where the container states neither their number nor its
 /// duration. An edit list shows fewer frames than are stored, and the mean rate may be off.
 pub(super) fn frames(stream: &Stream, input: &Input) -> Option<usize> {
-    let mean_hz = plausible_hz(stream.avg_frame_rate()).or_else(|| rate_hz(stream));
+    let mean_hz = mean_rate_hz(stream).or_else(|| rate_hz(stream));
     let lasts_s = lasts_s(stream, input);
     let lasting = lasts_s.zip(mean_hz).map(|(lasts_s, hz)| (lasts_s * hz).round() as usize);
     let stored = usize::try_from(stream.frames()).ok().filter(|stored| *stored > 0);
@@ -73,16 +79,22 @@ fn lasts_s(stream: &Stream, input: &Input) -> Option<f64> {
     (lasts_s > before_s).then_some(lasts_s - before_s)
 }
 
-/// Number of clockwise quarter turns to show a picture upright; telephones store it lying and state the turn.
-pub(super) fn quarter_turns(stream: &Stream) -> u8 {
+/// Orientation in which a picture is shown: telephones store it lying and state the turn, front cameras may mirror it.
+pub(super) fn orientation(stream: &Stream) -> Orientation {
     let matrix = stream.side_data().find(|data| data.kind() == side_data::Type::DisplayMatrix);
-    let Some(matrix) = matrix else { return 0 };
-    // First two entries of the matrix's first row, 16.16 fixed point: direction of the picture's x axis, in image
-    // axes.
+    let Some(matrix) = matrix else { return Orientation::UPRIGHT };
+    // Entries of the matrix row by row, 16.16 fixed point; those of the first two rows and columns are the directions
+    // of the picture's x and y axes, in image axes.
     let entry = |index: usize| {
         let bytes = matrix.data().get(4 * index..4 * index + 4)?;
         Some(f64::from(i32::from_ne_bytes(bytes.try_into().ok()?)))
     };
-    let (Some(x), Some(y)) = (entry(0), entry(1)) else { return 0 };
-    (y.atan2(x) / std::f64::consts::FRAC_PI_2).round().rem_euclid(4.0) as u8
+    let [Some(x_right), Some(x_down), Some(y_right), Some(y_down)] = [0, 1, 3, 4].map(entry) else {
+        return Orientation::UPRIGHT;
+    };
+    let is_mirrored = x_right * y_down - x_down * y_right < 0.0;
+    // A mirrored picture's x axis points the other way before it is turned.
+    let sign = if is_mirrored { -1.0 } else { 1.0 };
+    let turns = (sign * x_down).atan2(sign * x_right) / std::f64::consts::FRAC_PI_2;
+    Orientation { is_mirrored, quarter_turns: turns.round().rem_euclid(4.0) as u8 }
 }

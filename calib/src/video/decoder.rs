@@ -11,7 +11,7 @@ use ffmpeg::{Discard, Error, Packet, codec, decoder, format, frame};
 use image::RgbImage;
 
 use super::container;
-use super::pixels::{self, RgbBuffers};
+use super::pixels::{Orientation, RgbBuffers};
 use super::stamp::{FrameStamp, PacketTimes, PresentationClock};
 use crate::picture;
 
@@ -29,7 +29,7 @@ pub(super) struct Decoder {
     codec: decoder::Video,
     picture: frame::Video,
     rgb: RgbBuffers,
-    quarter_turns: u8,
+    orientation: Orientation,
     /// Packets that the decoder has refused since the last picture.
     torn: usize,
     /// Timeouts of the network; `None` for files.
@@ -46,6 +46,7 @@ pub(super) struct Decoder {
     last_ticks: Option<i64>,
     stamp: FrameStamp,
     rate_hz: Option<f64>,
+    mean_rate_hz: Option<f64>,
     frames: Option<usize>,
 }
 
@@ -87,8 +88,9 @@ impl Decoder {
         context.set_threading(threading::Config { kind, ..threading::Config::default() });
         let (index, tick, codec) = (stream.index(), stream.time_base(), stream.parameters().id());
         let rate_hz = container::rate_hz(&stream);
+        let mean_rate_hz = container::mean_rate_hz(&stream);
         let frames = container::frames(&stream, &input);
-        let quarter_turns = container::quarter_turns(&stream);
+        let orientation = container::orientation(&stream);
         let zero_s = container::zero_s(&input, patience.is_none() || frames.is_some());
         let is_end_known = stream.duration() > 0 && stream.start_time() != i64::MIN;
         let shown_until = if is_end_known { stream.start_time() + stream.duration() } else { i64::MAX };
@@ -102,7 +104,7 @@ impl Decoder {
             stream: index,
             picture: frame::Video::empty(),
             rgb: RgbBuffers::new(),
-            quarter_turns,
+            orientation,
             torn: 0,
             patience,
             end: None,
@@ -113,6 +115,7 @@ impl Decoder {
             last_ticks: None,
             stamp: FrameStamp::now(),
             rate_hz,
+            mean_rate_hz,
             frames,
         })
     }
@@ -127,6 +130,11 @@ impl Decoder {
         self.rate_hz
     }
 
+    /// Frames per second on average, where the container states it.
+    pub(super) fn mean_rate_hz(&self) -> Option<f64> {
+        self.mean_rate_hz
+    }
+
     /// Estimated number of frames, where the container states the number or its duration.
     pub(super) fn frames(&self) -> Option<usize> {
         self.frames
@@ -134,7 +142,7 @@ impl Decoder {
 
     /// Width and height of the picture decoded last, upright.
     pub(super) fn size(&self) -> (u32, u32) {
-        pixels::turned((self.picture.width(), self.picture.height()), self.quarter_turns)
+        self.orientation.size((self.picture.width(), self.picture.height()))
     }
 
     /// Times of the picture decoded last.
@@ -212,7 +220,7 @@ impl Decoder {
 
     /// Converts the picture decoded last into an image of any size.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), Error> {
-        self.rgb.picture(&self.picture, self.quarter_turns, into)
+        self.rgb.picture(&self.picture, self.orientation, into)
     }
 }
 

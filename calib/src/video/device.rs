@@ -11,7 +11,7 @@ use v4l::prelude::MmapStream;
 use v4l::video::Capture;
 use v4l::{FourCC, Fraction};
 
-use super::pixels::RgbBuffers;
+use super::pixels::{Orientation, RgbBuffers};
 use super::stamp::FrameStamp;
 
 /// Supported formats: motion JPEG, and YUYV with two bytes a pixel, which nearly all devices offer.
@@ -89,7 +89,7 @@ impl Device {
 
     /// Converts the picture that came last into an image of any size.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), ffmpeg::Error> {
-        self.rgb.picture(&self.picture, 0, into)
+        self.rgb.picture(&self.picture, Orientation::UPRIGHT, into)
     }
 }
 
@@ -140,7 +140,7 @@ mod tests {
         assert!(!paste_yuyv(&bytes[1..], &mut picture));
         assert!(paste_yuyv(&bytes, &mut picture));
         let mut image = RgbImage::new(6, 2);
-        RgbBuffers::new().picture(&picture, 0, &mut image).unwrap();
+        RgbBuffers::new().picture(&picture, Orientation::UPRIGHT, &mut image).unwrap();
         // (128 − 16) · 255 / 219
         assert!(image.rows().next().unwrap().all(|p| p.0.iter().all(|v| v.abs_diff(130) <= 2)), "{image:?}");
         assert!(image.rows().nth(1).unwrap().all(|p| p[0] > 250 && p[1] < 5 && p[2] < 5), "{image:?}");

@@ -7,7 +7,8 @@ use ffmpeg::frame;
 use image::{DynamicImage, RgbImage};
 
 use super::content;
-use super::pixels::{self, RgbBuffers};
+use super::name_order::sort_by_number;
+use super::pixels::{self, Orientation, RgbBuffers};
 use crate::{Error, Result, picture};
 
 /// Images in the order in which they were taken, and the current position.
@@ -32,10 +33,11 @@ impl Images {
         Self { paths, ahead: 0, decoded: None, rgb: RgbBuffers::new() }
     }
 
-    /// The images of a folder, in name order.
+    /// The images of a folder, in name order; numbers in the names count as numbers.
     pub(super) fn in_folder(folder: &Path) -> Result<Self> {
         let mut paths: Vec<PathBuf> = listed(folder)?.into_iter().filter(|path| is_image(path)).collect();
-        paths.sort();
+        let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        sort_by_number(&mut paths, name);
         if paths.is_empty() {
             return Err(content(folder, "folder", "holds no .jpg, .jpeg or .png image"));
         }
@@ -118,7 +120,7 @@ impl Images {
             pixels::paste_rgb(pixels, &mut frame);
             frame
         });
-        let scaled = self.rgb.picture(&frame, 0, into);
+        let scaled = self.rgb.picture(&frame, Orientation::UPRIGHT, into);
         if let Some(decoded) = &mut self.decoded {
             decoded.frame = Some(frame);
         }

@@ -20,6 +20,7 @@ mod decoder;
 mod device;
 mod extent;
 mod images;
+mod name_order;
 mod pixels;
 mod source;
 mod stamp;

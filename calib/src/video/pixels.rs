@@ -61,15 +61,15 @@ impl RgbBuffers {
         Self(Vec::new())
     }
 
-    /// Converts `from` into `into` at the size of `into`, colours and size in one pass of libswscale, and turns it
-    /// clockwise by quarters afterwards.
+    /// Converts `from` into `into` at the size of `into`, colours and size in one pass of libswscale, and brings it
+    /// upright afterwards.
     pub(super) fn picture(
         &mut self,
         from: &frame::Video,
-        quarter_turns: u8,
+        orientation: Orientation,
         into: &mut RgbImage,
     ) -> Result<(), ffmpeg::Error> {
-        let (width, height) = turned(into.dimensions(), quarter_turns);
+        let (width, height) = orientation.size(into.dimensions());
         let found = self.0.iter().position(|buffer| (buffer.width(), buffer.height()) == (width, height));
         let mut buffer = match found {
             Some(place) => self.0.remove(place),
@@ -80,28 +80,42 @@ impl RgbBuffers {
         }
         let converted = convert(from, &mut buffer);
         if converted.is_ok() {
-            copy_turned(&buffer, quarter_turns, into);
+            copy_upright(&buffer, orientation, into);
         }
         self.0.push(buffer);
         converted
     }
 }
 
-/// Width and height of a picture after clockwise quarter turns.
-pub(super) fn turned((width, height): (u32, u32), quarter_turns: u8) -> (u32, u32) {
-    if quarter_turns.is_multiple_of(2) { (width, height) } else { (height, width) }
+/// Way in which a stored picture is shown: mirrored left to right if so, and then turned clockwise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Orientation {
+    pub(super) is_mirrored: bool,
+    pub(super) quarter_turns: u8,
 }
 
-/// Copies a frame of [`Pixel::RGB24`], turned clockwise by quarters, into an image of the turned size.
-fn copy_turned(frame: &frame::Video, quarter_turns: u8, into: &mut RgbImage) {
-    if quarter_turns == 0 {
+impl Orientation {
+    /// As stored.
+    pub(super) const UPRIGHT: Self = Self { is_mirrored: false, quarter_turns: 0 };
+
+    /// Width and height of a picture as it is shown.
+    pub(super) fn size(self, (width, height): (u32, u32)) -> (u32, u32) {
+        if self.quarter_turns.is_multiple_of(2) { (width, height) } else { (height, width) }
+    }
+}
+
+/// Copies a frame of [`Pixel::RGB24`], brought upright, into an image of the size that it then has.
+fn copy_upright(frame: &frame::Video, orientation: Orientation, into: &mut RgbImage) {
+    if orientation == Orientation::UPRIGHT {
         copy_rgb(frame, into);
         return;
     }
     let (width, height) = (frame.width(), frame.height());
     for (y, line) in (0..height).zip(frame.data(0).chunks(frame.stride(0))) {
-        for (x, pixel) in (0..width).zip(line.as_chunks::<3>().0) {
-            let (column, row) = match quarter_turns {
+        for (stored_x, pixel) in (0..width).zip(line.as_chunks::<3>().0) {
+            let x = if orientation.is_mirrored { width - 1 - stored_x } else { stored_x };
+            let (column, row) = match orientation.quarter_turns {
+                0 => (x, y),
                 1 => (height - 1 - y, x),
                 2 => (width - 1 - x, height - 1 - y),
                 _ => (y, width - 1 - x),

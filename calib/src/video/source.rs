@@ -225,6 +225,15 @@ impl FrameSource {
         self.rate
     }
 
+    /// Frames per second on average, where a film's container states it: less than [`rate`](Self::rate) where frames were
+    /// lost, or come at an uneven rate.
+    pub fn mean_rate(&self) -> Option<f64> {
+        match &self.pictures {
+            PictureReader::Video(decoder) => decoder.mean_rate_hz(),
+            _ => None,
+        }
+    }
+
     /// Number of frames, where the source can know it. For a video this is an estimate from the container's header:
     /// frames may be lost, or come at an uneven rate.
     pub fn frame_count(&self) -> Option<usize> {

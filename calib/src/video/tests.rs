@@ -118,6 +118,11 @@ fn a_telephones_film_is_turned_the_way_it_was_held() {
         ([0, 1, -1, 0], (48, 64), (24, 10), (24, 54)),
         ([-1, 0, 0, -1], (64, 48), (54, 24), (10, 24)),
         ([0, -1, 1, 0], (48, 64), (24, 54), (24, 10)),
+        // Mirrored left to right, upside down, and both axes exchanged.
+        ([-1, 0, 0, 1], (64, 48), (54, 24), (10, 24)),
+        ([1, 0, 0, -1], (64, 48), (10, 24), (54, 24)),
+        ([0, 1, 1, 0], (48, 64), (24, 10), (24, 54)),
+        ([0, -1, -1, 0], (48, 64), (24, 54), (24, 10)),
     ] {
         lying_film(&path, matrix);
         let mut source = FrameSource::open(path.to_str().unwrap()).unwrap();

@@ -5,19 +5,20 @@ use std::fmt;
 use std::str::FromStr;
 
 use image::{GrayImage, RgbImage};
-use nalgebra::{Point2, Rotation3, Vector2, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, Rotation3, Vector2, Vector3};
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, TermCriteria_Type, Vec3d, Vector};
 use opencv::prelude::*;
 use opencv::{calib3d, imgproc};
 
 use super::adapter;
+use crate::ray_uncertainty::BoardView;
 use crate::{Error, Intrinsics, Result};
 
 /// Numbers of inner corners on a side.
 const SIDES: std::ops::RangeInclusive<u32> = 3..=500;
 
 /// Standard deviation of detected corners; a smaller residual does not mean a better estimate.
-const CORNER_SIGMA_PX: f64 = 0.1;
+pub const CORNER_SIGMA_PX: f64 = 0.1;
 /// Largest relative standard deviation of a focal length that the views may leave.
 const LARGEST_FOCAL_SIGMA: f64 = 0.05;
 
@@ -64,6 +65,8 @@ pub struct Calibration {
     pub rms_px: f64,
     /// Root mean square reprojection error of each view, pixels.
     pub view_rms_px: Vec<f64>,
+    /// The views: where each board stood, and its corners.
+    pub views: Vec<BoardView>,
 }
 
 impl Chessboard {
@@ -174,7 +177,17 @@ impl Chessboard {
             distortion: [d[0], d[1], d[2], d[3], d[4]].into(),
         };
         intrinsics.validate()?;
+        let corners: Vec<Point3<f64>> =
+            board.iter().map(|p| Point3::new(p.x.into(), p.y.into(), p.z.into())).collect();
+        let poses = rotations.data_typed::<Vec3d>().map_err(&calibrating)?.iter();
+        let poses = poses.zip(translations.data_typed::<Vec3d>().map_err(&calibrating)?);
+        let poses = poses.map(|(turn, at)| Isometry3::new(Vector3::from(at.0), Vector3::from(turn.0)));
+        let views = poses.zip(views).map(|(camera_from_board, pixels)| BoardView {
+            camera_from_board,
+            corners: corners.iter().copied().zip(pixels.iter().copied()).collect(),
+        });
         Ok(Calibration {
+            views: views.collect(),
             intrinsics,
             sigma_px: [s[0], s[1], s[2], s[3]],
             rms_px,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use glam::DVec3;
 use scenes::exchange::{self, calib_files};
 use scenes::geometry::{ply, vec3_from_point};
 use scenes::room::{GEOMETRY_FILE, Room, SCENE_FILE};
@@ -19,6 +20,7 @@ use shell::files::Outputs;
 #[command(after_help = "Examples:
   scenes import sparse/0 --geometry meshed-poisson.ply --out myroom
   scenes import transforms.json --out myroom
+  scenes import sparse/0 --geometry utm.ply --shift=-500000,-5400000,0 --out myroom
   scenes import --camera door=lens1.toml,pose1.toml --camera desk=lens2.toml,pose2.toml --geometry scan.ply --out myroom")]
 pub(crate) struct Import {
     /// A COLMAP model's folder, or a transforms.json.
@@ -30,6 +32,9 @@ pub(crate) struct Import {
     /// Geometry of the room as PLY; without it a COLMAP model's points, or nothing.
     #[arg(long, value_name = "FILE")]
     geometry: Option<PathBuf>,
+    /// Metres by which cameras and geometry are moved, for frames far from their origin, such as UTM.
+    #[arg(long, value_name = "X,Y,Z", value_parser = shift, allow_hyphen_values = true, default_value = "0,0,0")]
+    shift: DVec3,
     /// The room directory to make.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -43,6 +48,14 @@ fn camera(text: &str) -> Result<(String, PathBuf, PathBuf), String> {
         .ok_or_else(|| "it is not of the form NAME=LENS,POSE, as in door=lens.toml,pose.toml".to_owned())
 }
 
+fn shift(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if DVec3::new(x, y, z).is_finite() => Ok(DVec3::new(x, y, z)),
+        _ => Err("it is not of the form X,Y,Z in metres, as in -500000,-5400000,0".to_owned()),
+    }
+}
+
 impl Import {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
         let of_cameras = self.camera.iter().flat_map(|(_, lens, pose)| [lens, pose]);
@@ -52,10 +65,14 @@ impl Import {
         for (name, lens, pose) in &self.camera {
             cameras.push(calib_files::camera(name, lens, pose)?);
         }
+        let shift = nalgebra::Translation3::new(self.shift.x, self.shift.y, self.shift.z);
+        for camera in &mut cameras {
+            camera.camera.camera_from_world *= shift.inverse();
+        }
         let eyes: Vec<_> = cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();
         let geometry = match (&self.geometry, &self.model) {
-            (Some(file), _) => Some(ply::read_seen_from(file, &eyes)?),
-            (None, Some(model)) => exchange::points(model, &eyes)?,
+            (Some(file), _) => Some(ply::read_seen_from(file, &eyes, self.shift)?),
+            (None, Some(model)) => exchange::points(model, &eyes, self.shift)?,
             (None, None) => None,
         };
         anyhow::ensure!(

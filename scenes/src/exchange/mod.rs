@@ -11,7 +11,7 @@ mod test_room;
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::Result;
 use crate::geometry::Geometry;
@@ -29,8 +29,8 @@ pub fn cameras(path: &Path) -> Result<Vec<RoomCamera>> {
 ///
 /// # Errors
 /// As [`colmap::read_points`].
-pub fn points(path: &Path, viewpoints: &[Vec3]) -> Result<Option<Geometry>> {
-    if is_nerfstudio(path) { Ok(None) } else { colmap::read_points(path, viewpoints) }
+pub fn points(path: &Path, viewpoints: &[Vec3], shift_m: DVec3) -> Result<Option<Geometry>> {
+    if is_nerfstudio(path) { Ok(None) } else { colmap::read_points(path, viewpoints, shift_m) }
 }
 
 fn is_nerfstudio(path: &Path) -> bool {

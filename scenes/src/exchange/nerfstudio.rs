@@ -1,11 +1,13 @@
 //! nerfstudio's `transforms.json`: cameras as OpenGL has them (x right, y up, z backwards), world from camera
 //! (<https://docs.nerf.studio/quickstart/data_conventions.html>).
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use calib::{Camera, Intrinsics};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Translation3};
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value as Json};
 
 use super::{CORNER_PX, camera_name, picture_name};
 use crate::room::{Room, RoomCamera};
@@ -78,10 +80,11 @@ pub fn write(path: &Path, room: &Room) -> Result<()> {
 /// Content of an input file: a lens stands in each frame or once for all; unsupported lens parameters must be zero.
 #[derive(Deserialize)]
 struct TransformsInput {
-    camera_model: Option<String>,
     #[serde(flatten)]
     lens: LensInput,
     frames: Vec<FrameInput>,
+    #[serde(flatten)]
+    other: Map<String, Json>,
 }
 
 #[derive(Deserialize)]
@@ -90,10 +93,15 @@ struct FrameInput {
     #[serde(flatten)]
     lens: LensInput,
     transform_matrix: Vec<Vec<f64>>,
+    #[serde(flatten)]
+    other: Map<String, Json>,
 }
 
-#[derive(Deserialize, Clone, Copy)]
+#[derive(Deserialize, Clone)]
 struct LensInput {
+    camera_model: Option<String>,
+    /// k1, k2, k3, k4, p1 and p2, which nerfstudio prefers to the single numbers.
+    distortion_params: Option<Vec<f64>>,
     w: Option<f64>,
     h: Option<f64>,
     fl_x: Option<f64>,
@@ -111,7 +119,12 @@ struct LensInput {
 impl LensInput {
     /// Fills missing numbers with those given for all frames.
     fn or(self, all: Self) -> Self {
+        // A frame's own coefficients outweigh the parameters for all frames.
+        let states_distortion =
+            self.distortion_params.is_some() || self.distortion().iter().any(Option::is_some);
         Self {
+            camera_model: self.camera_model.or(all.camera_model),
+            distortion_params: if states_distortion { self.distortion_params } else { all.distortion_params },
             w: self.w.or(all.w),
             h: self.h.or(all.h),
             fl_x: self.fl_x.or(all.fl_x),
@@ -127,6 +140,11 @@ impl LensInput {
         }
     }
 
+    /// k1, k2, k3, k4, p1 and p2, where they stand on their own.
+    fn distortion(&self) -> [Option<f64>; 6] {
+        [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2]
+    }
+
     fn intrinsics(self) -> std::result::Result<Intrinsics, String> {
         let needed = |value: Option<f64>, key: &str| value.ok_or_else(|| format!("`{key}` is missing"));
         let side = |value: Option<f64>, key: &str| {
@@ -134,11 +152,23 @@ impl LensInput {
             let whole = pixels >= 1.0 && pixels <= f64::from(u32::MAX) && pixels.fract() == 0.0;
             if whole { Ok(pixels as u32) } else { Err(format!("`{key}` is {pixels}, no image's side")) }
         };
-        if self.k4.is_some_and(|k4| k4 != 0.0) {
+        if let Some(model) = self.camera_model.as_deref().filter(|m| !MODELS.contains(m)) {
+            return Err(format!("the `camera_model` {model} is not known here; undistort the pictures"));
+        }
+        let [k1, k2, k3, k4, p1, p2] = match self.distortion_params.as_deref() {
+            Some(params) => <[f64; 6]>::try_from(params).map_err(|_| {
+                format!(
+                    "`distortion_params` holds {} numbers; they are k1, k2, k3, k4, p1 and p2",
+                    params.len()
+                )
+            })?,
+            None => self.distortion().map(|k| k.unwrap_or(0.0)),
+        };
+        if k4 != 0.0 {
             return Err("`k4` is not known here; undistort the pictures".into());
         }
         let fx = needed(self.fl_x, "fl_x")?;
-        let distortion = [self.k1, self.k2, self.p1, self.p2, self.k3].map(|k| k.unwrap_or(0.0));
+        let distortion = [k1, k2, p1, p2, k3];
         let intrinsics = Intrinsics {
             width: side(self.w, "w")?,
             height: side(self.h, "h")?,
@@ -194,26 +224,110 @@ pub fn read(path: &Path) -> Result<Vec<RoomCamera>> {
         let problem = said.split(" at line ").next().unwrap_or_default();
         Error::content(path, place, format!("this is no transforms.json: {problem}"))
     })?;
-    if let Some(model) = input.camera_model.as_deref().filter(|m| !MODELS.contains(m)) {
-        let problem = format!("the model {model} is not known here; undistort the pictures");
-        return Err(Error::content(path, "camera_model", problem));
-    }
+    let mut unread = BTreeSet::new();
+    sort_out(&input.other, &mut unread).map_err(|(key, problem)| Error::content(path, key, problem))?;
     if input.frames.is_empty() {
         return Err(Error::content(path, "frames", "there is none; no camera was placed"));
     }
-    input
+    let cameras: Result<Vec<RoomCamera>> = input
         .frames
         .iter()
         .zip(1..)
         .map(|(frame, number)| {
             let wrong =
                 |problem| Error::content(path, format!("frame {number} (`{}`)", frame.file_path), problem);
-            let intrinsics = frame.lens.or(input.lens).intrinsics().map_err(wrong)?;
+            sort_out(&frame.other, &mut unread).map_err(|(_, problem)| wrong(problem))?;
+            let intrinsics = frame.lens.clone().or(input.lens.clone()).intrinsics().map_err(wrong)?;
             let camera = Camera { intrinsics, camera_from_world: frame.pose().map_err(wrong)? };
             let picture = Path::new(&frame.file_path).file_name().unwrap_or_default().to_string_lossy();
             Ok(RoomCamera { name: camera_name(&picture), camera, reference: None })
         })
-        .collect()
+        .collect();
+    let cameras = cameras?;
+    if !unread.is_empty() {
+        let keys: Vec<String> = unread.into_iter().map(|key| format!("`{key}`")).collect();
+        tracing::warn!("{}: not read: {}", path.display(), keys.join(", "));
+    }
+    Ok(cameras)
+}
+
+/// Keys that do not change where a frame's points are seen.
+const HARMLESS: [&str; 24] = [
+    "aabb_scale",
+    "applied_scale",
+    "applied_transform",
+    "camera_angle_x",
+    "camera_angle_y",
+    "centroid",
+    "colmap_im_id",
+    "depth_file_path",
+    "depth_path",
+    "from_na",
+    "integer_depth_scale",
+    "mask_path",
+    "n_extra_learnable_dims",
+    "name",
+    "offset",
+    "orientation_override",
+    "ply_file_path",
+    "scale",
+    "sharpness",
+    "test_filenames",
+    "timestamp",
+    "train_filenames",
+    "up",
+    "val_filenames",
+];
+
+/// Sorts out the keys that are not read: those that would change the lens are refused unless they say nothing (0, false),
+/// the rest is collected for a warning.
+///
+/// # Errors
+/// The key, and the problem with it.
+fn sort_out(
+    other: &Map<String, Json>,
+    unread: &mut BTreeSet<String>,
+) -> std::result::Result<(), (String, String)> {
+    for (key, value) in other {
+        if is_of_lens(key) && !says_nothing(value) {
+            let problem = format!("`{key}` changes the lens and is not known here; undistort the pictures");
+            return Err((key.clone(), problem));
+        }
+        if !HARMLESS.contains(&key.as_str()) && !is_of_lens(key) {
+            unread.insert(key.chars().filter(|c| !c.is_control()).take(60).collect());
+        }
+    }
+    Ok(())
+}
+
+/// Whether a key belongs to a lens: a numbered coefficient, one of instant-ngp's other projections, a shutter.
+fn is_of_lens(key: &str) -> bool {
+    let is_numbered = |letter: char| {
+        key.strip_prefix(letter).is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
+    };
+    let words = [
+        "fisheye",
+        "ftheta",
+        "latlong",
+        "equirect",
+        "panoram",
+        "spherical",
+        "ortho",
+        "distort",
+        "rolling_shutter",
+        "lens",
+    ];
+    ['k', 'p', 's'].into_iter().any(is_numbered) || words.iter().any(|word| key.to_lowercase().contains(word))
+}
+
+/// Whether a value is one that leaves the lens as it is.
+fn says_nothing(value: &Json) -> bool {
+    match value {
+        Json::Null | Json::Bool(false) => true,
+        Json::Number(number) => number.as_f64() == Some(0.0),
+        Json::Array(values) => values.iter().all(says_nothing),
+        _ => false,
+    }
 }
 
 #[cfg(test)]
@@ -280,6 +394,60 @@ mod tests {
         let pixel = cameras[0].camera.project(&Point3::new(0.5, 3.0, 2.1)).unwrap();
         // 0.5 to the right and 0.1 up, 3 away.
         assert!((pixel.x - 41.5).abs() < 1e-9 && (pixel.y - 21.5).abs() < 1e-9, "{pixel}");
+    }
+
+    #[test]
+    fn a_frames_distortion_parameters_come_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        let lens = |more: &str| {
+            let from = "\"transform_matrix\"";
+            std::fs::write(&path, SHARED.replace(from, &format!("{more}, {from}"))).unwrap();
+            read(&path)
+                .map(|cameras| cameras[0].camera.intrinsics.distortion.into())
+                .map_err(|e| e.to_string())
+        };
+        let params = "\"distortion_params\": [-0.2, 0.05, 0.01, 0.0, 0.001, -0.002]";
+        let expected: [f64; 5] = [-0.2, 0.05, 0.001, -0.002, 0.01];
+        assert_eq!(lens(params), Ok(expected));
+        assert_eq!(lens(&format!("{params}, \"k1\": 0.7")), Ok(expected));
+        assert!(lens("\"distortion_params\": [0, 0, 0, 0.1, 0, 0]").unwrap_err().contains("`k4`"));
+        assert!(lens("\"distortion_params\": [0.1, 0.2]").unwrap_err().contains("2 numbers"));
+        // A frame's own numbers replace those for all frames as a whole.
+        std::fs::write(&path, SHARED.replace("\"w\": 64", &format!("{params}, \"w\": 64"))).unwrap();
+        assert_eq!(<[f64; 5]>::from(read(&path).unwrap()[0].camera.intrinsics.distortion), expected);
+    }
+
+    #[test]
+    fn keys_that_change_the_lens_are_read_or_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        for (key, is_refused) in [
+            ("\"is_fisheye\": true", true),
+            ("\"is_fisheye\": false", false),
+            ("\"is_latlong\": true", true),
+            ("\"ftheta_p0\": 0.1", true),
+            ("\"ftheta_p0\": 0", false),
+            ("\"k5\": 0.001", true),
+            ("\"k6\": 0.0", false),
+            ("\"s1\": 1e-3", true),
+            ("\"camera_model\": \"EQUIRECTANGULAR\"", true),
+            ("\"camera_model\": \"OPENCV\"", false),
+            ("\"rolling_shutter\": [0, 0, 0, 0.02]", true),
+            ("\"sharpness\": 12.5", false),
+            ("\"aabb_scale\": 16", false),
+        ] {
+            for from in ["\"w\": 64", "\"transform_matrix\""] {
+                let text = SHARED
+                    .replace("\"camera_model\": \"PINHOLE\", ", "")
+                    .replace(from, &format!("{key}, {from}"));
+                std::fs::write(&path, text).unwrap();
+                let found = read(&path).map_err(|e| e.to_string());
+                assert_eq!(found.is_err(), is_refused, "{key}: {found:?}");
+                let name = key.split('"').nth(1).unwrap();
+                assert!(found.err().is_none_or(|line| line.contains(name) && !line.contains('\n')), "{key}");
+            }
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 mod agents;
 mod capture_motion;
+mod check;
 mod clocks;
 mod events;
 mod failing_cameras;

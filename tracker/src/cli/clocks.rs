@@ -61,6 +61,11 @@ impl FromStr for Offset {
 }
 
 impl ClockArguments {
+    /// Whether no option decides the times.
+    pub(super) fn is_default(&self) -> bool {
+        self.times.is_empty() && self.rate.is_none() && self.offset.is_empty()
+    }
+
     /// Whether the offsets are to be estimated from the people seen.
     pub(super) fn is_auto(&self) -> bool {
         self.offset.contains(&Offset::Auto)

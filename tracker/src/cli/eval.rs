@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use scenes::room;
 use tracker::eval::{
-    DetectionCurve, EvalOptions, Evaluation, FrameRange, FrameSelection, JudgedArea, Sequences, align, plots,
+    DetectionCurve, EvalOptions, Evaluation, FrameRange, FrameSelection, JudgedArea, JudgedRows, Protocol,
+    Sequences, align, plots,
 };
 use tracker::tracks::rows::RowFile;
 
@@ -18,6 +19,9 @@ use super::outputs;
 /// Both files hold MOTChallenge rows, either on the floor (frame,id,-1,-1,-1,-1,confidence,x,y,z; matched on distance)
 /// or in an image (frame,id,left,top,width,height,confidence; matched on overlap). Rows of the truth whose 7th column
 /// is 0 do not count. Truth with ids of -1 has no identities: then only detection is evaluated.
+///
+/// Where the truth's boxes have classes in their 8th column, as those of MOT16, MOT17 and MOT20, that protocol is followed:
+/// only people (1) count, and tracks on distractors (still people, reflections, people on vehicles) do not.
 ///
 /// With two folders, every sequence TRUTH/SEQUENCE/truth.txt (or gt/gt.txt) is compared with TRACKS/SEQUENCE.txt (or
 /// SEQUENCE/tracks.txt), each on its own and all together.
@@ -52,9 +56,13 @@ pub(super) struct EvalArgs {
     /// metres. Tracks outside do not count unless they are near enough to match a person inside.
     #[arg(long, value_name = "X,Y X,Y …", allow_hyphen_values = true)]
     area: Option<JudgedArea>,
-    /// Largest distance of a match in metres, or its least overlap for boxes.
-    #[arg(long, default_value_t = EvalOptions::GATE)]
-    gate: f64,
+    /// Largest distance of a match in metres, or its least overlap for boxes [default: 0.5; wildtrack: 1]
+    #[arg(long)]
+    gate: Option<f64>,
+    /// Rules by which rows count: auto, mot15, mot16, mot17, mot20 or wildtrack. auto: mot17, or mot20, where the truth
+    /// has classes, otherwise mot15. wildtrack: annotated frames, on the floor, within 1 m
+    #[arg(long, value_name = "NAME", default_value_t = Protocol::Auto)]
+    protocol: Protocol,
     /// Draw HOTA over the strictness, a strip of tracks for each person, and the detection curve into this folder.
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
@@ -78,8 +86,11 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
         (Some(truth), Some(tracks)) => Some(align::between(truth, tracks)?),
         _ => None,
     };
-    let options =
-        EvalOptions { gate: Some(args.gate), frames: FrameSelection { range: args.frames, annotated } };
+    let options = EvalOptions {
+        gate: args.gate,
+        frames: FrameSelection { range: args.frames, annotated },
+        protocol: args.protocol,
+    };
     if args.truth.is_dir() {
         return sequences(args, &options);
     }
@@ -87,7 +98,7 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
     if let Some(area) = &args.area {
         let to_truth = alignment.as_ref().map(|a| &a.truth_from_room);
         let is_empty = truth.rows.is_empty();
-        (truth, tracks) = area.of(truth, tracks, options.gate, to_truth)?;
+        (truth, tracks) = area.of(truth, tracks, options.gate.or(Some(options.protocol.gate())), to_truth)?;
         if truth.rows.is_empty() && !is_empty {
             tracing::warn!(
                 "{}: no row of the truth is in --area; is it in metres of the truth's frame?",
@@ -100,7 +111,9 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
         anyhow::bail!("--roc: compares files of one room; leave --truth-room and --room out");
     }
     let curve = if args.roc || is_drawn {
-        DetectionCurve::new(&truth, &tracks, args.gate, &options.frames)?
+        let JudgedRows { truth, tracks, .. } = options.protocol.judged(&truth, &tracks)?;
+        let gate = args.gate.unwrap_or(options.protocol.gate());
+        DetectionCurve::new(&truth, &tracks, gate, &options.frames)?
     } else {
         None
     };

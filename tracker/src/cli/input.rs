@@ -6,11 +6,13 @@ use std::time::Duration;
 
 use anyhow::bail;
 use scenes::room::Room;
+use tracker::doctor::film_times::{self, FilmTimes};
+use tracker::doctor::views;
 use tracker::gathering::ClockAlignment;
 use tracker::method::Method;
 use tracker::prepared_room::PreparedRoom;
 use tracker::run::search_offsets;
-use tracker::source::{self, CameraSource, CaptureTimes};
+use tracker::source::{self, CameraSource, CaptureTimes, VideoSource};
 use tracker::station::{self, Event, Permits, Port, Station};
 use tracker::wire::{Downlink, Endpoints, ExpectedCamera, ExpectedStations, Fingerprint};
 
@@ -70,6 +72,9 @@ impl RunSources {
                 tracing::warn!("camera `{}` has no source and is left out", camera.name);
             }
             let clocks = args.clocks.clocks(&sources)?;
+            if args.clocks.is_default() {
+                warn_of_times(&sources);
+            }
             return Ok(Self::Local { sources, clocks });
         }
         if let Some(source) = args.video.iter().chain(&args.masks).chain(&args.detections).next() {
@@ -145,12 +150,35 @@ impl RunSources {
     }
 }
 
+/// Warns of recordings with an uneven rate, and of those that begin at another time of their own clock than the others.
+fn warn_of_times(sources: &[CameraSource]) {
+    for source in sources {
+        if let Some(VideoSource::Recorded(video)) = &source.video
+            && let Some(problem) = film_times::uneven_rate(video)
+        {
+            tracing::warn!("{}={}: {problem}", source.name, video.name());
+        }
+    }
+    let recorded = |source: &CameraSource| match &source.video {
+        Some(VideoSource::Recorded(video)) if video.is_recording() => {
+            // What cannot be read is reported by the run itself.
+            FilmTimes::of_first(&source.name, video.name(), 1).ok()
+        }
+        _ => None,
+    };
+    let films: Vec<FilmTimes> = sources.iter().filter_map(recorded).collect();
+    for finding in film_times::starts(&films) {
+        tracing::warn!("{finding}");
+    }
+}
+
 impl RunInput {
     /// Starts the stations, and gives the method the empty scenes that it needs. Offsets between recordings are
     /// estimated before, if requested.
     pub(super) fn start(
         &mut self,
         args: &RunArgs,
+        room: &Room,
         builder: &StationBuilder<'_>,
         method: &mut dyn Method,
         threads: usize,
@@ -163,20 +191,23 @@ impl RunInput {
             }
         };
         let is_searched = args.clocks.is_auto() && !self.is_live && sources.len() > 1;
-        let mut stations = Vec::new();
+        let (mut stations, mut scenes) = (Vec::new(), Vec::new());
         for (camera, built) in builder.build(sources, times.clone())?.into_iter().enumerate() {
             if let Some(picture) = built.empty_scene {
                 method.set_empty_scene(camera, &picture);
             }
             stations.push(built.station);
+            scenes.extend(built.backdrop);
+        }
+        for finding in views::compare(room, &args.room, &scenes)?.1 {
+            tracing::warn!("{finding}");
         }
         if is_searched {
             tracing::info!("looking for the offsets between the recordings");
             let (ports, events) = start(stations, threads);
             let found = search_offsets(builder.room, ports, &events, &self.alignments)?;
             self.alignments = found;
-            let room = Room::read(&args.room)?;
-            let again = source::open(&room, args.sources())?;
+            let again = source::open(room, args.sources())?;
             stations = builder.build(again, times)?.into_iter().map(|built| built.station).collect();
         }
         let (ports, events) = start(stations, threads);
@@ -185,7 +216,7 @@ impl RunInput {
 }
 
 /// Starts the stations on threads of this process.
-fn start(stations: Vec<Station>, threads: usize) -> (Vec<Port>, Receiver<(usize, Event)>) {
+pub(super) fn start(stations: Vec<Station>, threads: usize) -> (Vec<Port>, Receiver<(usize, Event)>) {
     let (inbox, events) = channel();
     let permits = Permits::new(threads);
     let start = |(camera, station)| station::start(station, camera, inbox.clone(), &permits);

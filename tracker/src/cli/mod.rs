@@ -4,6 +4,7 @@ mod agent_options;
 mod agent_station;
 mod agents;
 mod background;
+mod check;
 mod clocks;
 mod colours;
 mod detect;
@@ -53,6 +54,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(Box<run_arguments::RunArgs>),
+    Check(check::CheckArgs),
     Serve(serve::ServeArgs),
     Station(Box<station::StationArgs>),
     Watch(watch::WatchArgs),
@@ -71,9 +73,24 @@ enum Command {
     RoomWorker,
 }
 
-/// Runs the subcommand; returns the text for standard output.
-pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
+/// Result of a subcommand.
+pub(crate) struct Printed {
+    /// Text for standard output.
+    pub(crate) text: String,
+    /// Exit status.
+    pub(crate) status: u8,
+}
+
+impl From<String> for Printed {
+    fn from(text: String) -> Self {
+        Self { text, status: 0 }
+    }
+}
+
+/// Runs the subcommand.
+pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<Printed> {
     let printed = match &arguments.command {
+        Command::Check(args) => return check::check(args).map_err(flags::named),
         Command::Run(args) => run::run(args, console),
         Command::Serve(args) => serve::serve(args, console, arguments.verbose),
         Command::RoomWorker => serve::worker(console),
@@ -90,5 +107,5 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Export(args) => export::export(args),
         Command::Weightmap(args) => weightmap::weightmap(args),
     };
-    printed.map_err(flags::named)
+    printed.map(Printed::from).map_err(flags::named)
 }

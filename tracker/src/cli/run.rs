@@ -119,7 +119,7 @@ fn follow(
         pace: if is_live { Pace::Live } else { Pace::Free },
     };
     let Started { ports, events: station_events, downlink } =
-        input.start(args, &builder, method.as_mut(), threads)?;
+        input.start(args, &room, &builder, method.as_mut(), threads)?;
     let prepared_s = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared_s:.2} s");
     // All inputs have been checked, so outputs may be created now.

@@ -7,6 +7,7 @@ use calib::video::FrameSource;
 use image::RgbImage;
 use rayon::prelude::*;
 use tracker::Error;
+use tracker::doctor::views::EmptyScene;
 use tracker::film::FilmOptions;
 use tracker::foreground::health::Health;
 use tracker::foreground::{Foreground, InitialBackground};
@@ -39,6 +40,8 @@ pub(super) struct Built {
     pub(super) station: Station,
     /// Empty scene of its camera, in the pinhole image, if the method needs it and it is known.
     pub(super) empty_scene: Option<RgbImage>,
+    /// Empty scene that a recording's background begins with, as it was filmed but for its size.
+    pub(super) backdrop: Option<EmptyScene>,
 }
 
 impl StationBuilder<'_> {
@@ -56,6 +59,7 @@ impl StationBuilder<'_> {
 
     fn station(&self, source: CameraSource, times: CaptureTimes) -> anyhow::Result<Built> {
         let rate_hz = source.rate().or_else(|| (!source.is_live()).then(|| times.mean_rate()));
+        let film = source.sources().next().map_or(String::new(), |video| video.name().to_owned());
         let CameraSource { name, video, masks, detections } = source;
         let masks = masks.filter(|_| self.needs.masks);
         if self.needs.pictures && video.is_none() {
@@ -126,13 +130,19 @@ impl StationBuilder<'_> {
                 }))
             }
         };
+        let backdrop = match &start {
+            Some(InitialBackground::Backdrop(backdrop)) if of_stage.reference.is_some() => {
+                Some(EmptyScene { camera: name.clone(), film, picture: backdrop.picture.clone() })
+            }
+            _ => None,
+        };
         let empty_scene = match start {
             Some(InitialBackground::Backdrop(backdrop)) if self.needs.empty_scene => {
                 Some(of_stage.undistort.image(&backdrop.picture))
             }
             _ => None,
         };
-        Ok(Built { station: Station { name, rate_hz, work }, empty_scene })
+        Ok(Built { station: Station { name, rate_hz, work }, empty_scene, backdrop })
     }
 }
 

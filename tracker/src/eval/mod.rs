@@ -12,6 +12,7 @@
 //! * [`PeopleCount`] — coverage of the true number of people by the distribution that the confidences imply;
 //! * [`Sequences`] — several recordings, each and together;
 //! * [`DetectionCurve`] — recall against false positives, over the detections' score;
+//! * [`Protocol`] — the rows that count, by the rules of a benchmark;
 //! * [`plots`] — pictures of all this;
 //! * [`align`] — alignment of truth and tracks in two reconstructions of one room.
 //!
@@ -35,6 +36,7 @@ mod lasting;
 mod people_count;
 pub mod plots;
 mod position;
+mod protocol;
 mod roc;
 mod scenario;
 mod sequences;
@@ -51,6 +53,7 @@ pub use identity::IdentityMetric;
 pub use lasting::LastingPairs;
 pub use people_count::PeopleCount;
 pub use position::{PositionError, PositionStatistics};
+pub use protocol::{JudgedRows, Protocol, ProtocolSummary};
 pub use roc::{DetectionCurve, DetectionPoint};
 pub use scenario::{Scenario, Space};
 pub use sequences::Sequences;
@@ -127,14 +130,16 @@ fn percent(share: Option<f64>) -> FigureValue {
 /// Options of an evaluation.
 #[derive(Debug, Clone, Default)]
 pub struct EvalOptions {
-    /// Largest distance of a match in metres (floor), or least overlap (image). Default 0.5 for both.
+    /// Largest distance of a match in metres (floor), or least overlap (image). Default: [`Protocol::gate`].
     pub gate: Option<f64>,
     /// Judged frames; default all.
     pub frames: FrameSelection,
+    /// Rules by which rows count.
+    pub protocol: Protocol,
 }
 
 impl EvalOptions {
-    /// Default of [`Self::gate`].
+    /// Default of [`Self::gate`] for most protocols.
     pub const GATE: f64 = 0.5;
 }
 
@@ -159,6 +164,8 @@ pub struct Evaluation {
     pub lasting: LastingPairs,
     /// Alignment of the two rooms, if there were two.
     pub alignment: Option<RoomAlignment>,
+    /// Protocol that was followed.
+    pub protocol: ProtocolSummary,
 }
 
 impl Evaluation {
@@ -178,16 +185,17 @@ impl Evaluation {
     /// [`Self::of_files`] with rows that were already read.
     ///
     /// # Errors
-    /// Errors of [`Scenario::new`].
+    /// Errors of [`Protocol::judged`] and [`Scenario::new`].
     pub fn of_rows(
         truth: &RowFile,
         tracks: &RowFile,
         options: &EvalOptions,
         alignment: Option<RoomAlignment>,
     ) -> Result<Self> {
-        let gate = options.gate.unwrap_or(EvalOptions::GATE);
+        let JudgedRows { truth, tracks, summary: protocol } = options.protocol.judged(truth, tracks)?;
+        let gate = options.gate.unwrap_or(options.protocol.gate());
         let to_truth = alignment.as_ref().map(|a| &a.truth_from_room);
-        let scenario = Scenario::new(truth, tracks, gate, &options.frames, to_truth)?;
+        let scenario = Scenario::new(&truth, &tracks, gate, &options.frames, to_truth)?;
         Ok(Self {
             clear: Clear::of(&scenario),
             identity: IdentityMetric::of(&scenario),
@@ -198,6 +206,7 @@ impl Evaluation {
             lasting: LastingPairs::of(&scenario),
             scenario,
             alignment,
+            protocol,
         })
     }
 

@@ -136,15 +136,15 @@ impl Scenario {
     }
 }
 
-/// Positions where both files have them, otherwise boxes.
+/// Boxes where both files have them, otherwise positions.
 pub(super) fn common_space(truth: &RowFile, tracks: &RowFile) -> Result<Space> {
-    if truth.is_on_floor() && tracks.is_on_floor() && !(truth.rows.is_empty() && tracks.rows.is_empty()) {
-        return Ok(Space::Floor);
+    // Two empty files compare on the floor, which is what this crate's trackers write.
+    let nothing = truth.rows.is_empty() && tracks.rows.is_empty();
+    if truth.has_boxes() && tracks.has_boxes() && !nothing {
+        return Ok(Space::Image);
     }
-    if truth.has_boxes() && tracks.has_boxes() {
-        // Two empty files compare on the floor, which is what this crate's trackers write.
-        let nothing = truth.rows.is_empty() && tracks.rows.is_empty();
-        return Ok(if nothing { Space::Floor } else { Space::Image });
+    if truth.is_on_floor() && tracks.is_on_floor() {
+        return Ok(Space::Floor);
     }
     let kind = |file: &RowFile| match (file.is_on_floor(), file.has_boxes()) {
         (true, _) => "holds floor positions",

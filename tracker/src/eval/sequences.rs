@@ -124,6 +124,12 @@ impl Sequences {
             }
             text.push('\n');
         }
+        for (name, evaluation) in &self.each {
+            let protocol = evaluation.protocol.text();
+            if let Some(protocol) = protocol.strip_prefix("; ") {
+                let _ = writeln!(text, "{name}: {protocol}");
+            }
+        }
         text
     }
 

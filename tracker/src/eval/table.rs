@@ -60,7 +60,11 @@ impl Evaluation {
         } else {
             ("no identities, ".to_owned(), String::new())
         };
-        format!("truth: {people}{} rows; tracks: {tracks}{} rows; {matched_on}", s.truth_rows, s.track_rows)
+        let protocol = self.protocol.text();
+        format!(
+            "truth: {people}{} rows; tracks: {tracks}{} rows; {matched_on}{protocol}",
+            s.truth_rows, s.track_rows
+        )
     }
 
     /// One flat object; percentages as in the table (0 to 100), `null` where a figure is undefined.
@@ -69,6 +73,7 @@ impl Evaluation {
         let mut object = Map::new();
         object.insert("space".into(), json!(s.space));
         object.insert("gate".into(), json!(s.gate));
+        object.insert("protocol".into(), json!(self.protocol.protocol.to_string()));
         object.insert("identities".into(), json!(s.has_identities));
         object.insert("people".into(), json!(s.people));
         object.insert("tracks".into(), json!(s.tracks));

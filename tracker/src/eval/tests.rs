@@ -12,6 +12,9 @@ use super::*;
 /// Figures of TrackEval and motmetrics for the files beside them; `tests/peers/figures.py` made both.
 const PEERS: &str = include_str!("../../tests/peers/figures.json");
 
+/// Figures of TrackEval's `MotChallenge2DBox` for the files beside them, by `figures.py --classes`.
+const CLASSES: &str = include_str!("../../tests/peers/classes.json");
+
 fn rows(name: &str, text: &str) -> RowFile {
     RowFile::parse(Path::new(name), text).unwrap()
 }
@@ -47,6 +50,36 @@ fn independent_evaluators_give_the_same_figures() {
             assert_relative_eq!(value, expected.as_f64().unwrap(), epsilon = 1e-9, max_relative = 1e-12);
         }
     }
+}
+
+#[test]
+fn truth_with_classes_is_judged_as_trackeval_judges_the_benchmark() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peers");
+    let peers: serde_json::Map<String, Json> = serde_json::from_str(CLASSES).unwrap();
+    for (name, protocol) in
+        [("mot17", Protocol::Auto), ("mot17", Protocol::Mot16), ("mot20", Protocol::Mot20)]
+    {
+        let file = |kind: &str| folder.join(format!("{name}_{kind}.txt"));
+        let options = EvalOptions { protocol, ..EvalOptions::default() };
+        let found = Evaluation::of_files(&file("truth"), &file("tracks"), &options, None).unwrap().json();
+        for (figure, expected) in peers[name].as_object().unwrap() {
+            let value = found[figure].as_f64().unwrap_or_else(|| panic!("{name} has no {figure}"));
+            assert_relative_eq!(value, expected.as_f64().unwrap(), epsilon = 1e-9);
+        }
+    }
+}
+
+#[test]
+fn boxes_with_a_class_and_a_visibility_are_compared_as_boxes() {
+    let truth = "1,1,105,50,40,100,1,1,0.9\n1,2,205,50,40,100,1,1,0.9\n";
+    let found = compare(truth, &truth.replace(",50,", ",250,"), &EvalOptions::default()).unwrap();
+    assert_eq!((found.scenario.space, found.clear.matches), (Space::Image, 0));
+    assert_relative_eq!(found.clear.mota().unwrap(), -1.0);
+    // Boxes with positions besides are boxes, too; against positions alone, the positions count.
+    let both = "1,1,105,50,40,100,1,2.5,3.5,0\n";
+    assert_eq!(compare(both, both, &EvalOptions::default()).unwrap().scenario.space, Space::Image);
+    let floor = compare(both, "1,1,-1,-1,-1,-1,1,2.5,3.4,0\n", &EvalOptions::default()).unwrap();
+    assert_eq!((floor.scenario.space, floor.clear.matches), (Space::Floor, 1));
 }
 
 #[test]

@@ -217,7 +217,8 @@ fn try_fold(
 ) -> Result<Tried> {
     let linked = row_file(&link(detections, options)?);
     let frames = FrameSelection { range: Some(range), annotated: None };
-    let evaluation = Evaluation::of_rows(truth, &linked, &EvalOptions { gate: None, frames }, None)?;
+    let evaluation =
+        Evaluation::of_rows(truth, &linked, &EvalOptions { frames, ..EvalOptions::default() }, None)?;
     let success = evaluation.clear.continuity.as_ref().and_then(Continuity::success);
     let percent = |share: Option<f64>| 100.0 * share.unwrap_or(0.0);
     let score = TuningScore { success: percent(success), idf1: percent(evaluation.identity.idf1()) };
@@ -234,6 +235,8 @@ fn row_file(linked: &Linked) -> RowFile {
             confidence: row.score,
             pixel_box: row.pixel_box,
             position: row.pixel_box.is_none().then_some(row.place),
+            class_column: None,
+            visibility_column: None,
         })
     });
     RowFile { path: "linked tracks".into(), rows: rows.collect() }

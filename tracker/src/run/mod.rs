@@ -18,7 +18,7 @@ pub use event_log::{EventListener, EventLog, NoEvents};
 use lag_buffer::{HeldMoment, LagBuffer};
 pub use output::{Output, ProcessedMoment};
 use scenes::room::Room;
-pub use search_offsets::search_offsets;
+pub use search_offsets::{offsets_of_recordings, search_offsets};
 
 use crate::foreground::Verdict;
 use crate::gathering::{Gathered, Gathering, LeftOut, MomentPart, NextMoment};

@@ -6,7 +6,7 @@ use std::sync::mpsc::Receiver;
 use super::clock_offsets::alignments;
 use crate::gathering::ClockAlignment;
 use crate::observation::Feedback;
-use crate::offsets::{OffsetEstimator, OffsetOptions};
+use crate::offsets::{OffsetEstimator, OffsetOptions, Offsets};
 use crate::prepared_room::PreparedRoom;
 use crate::station::{Event, ObservedFrame, Port};
 use crate::{Error, Result};
@@ -14,16 +14,16 @@ use crate::{Error, Result};
 /// Length of the recordings that is searched, seconds; offsets do not change.
 const LOOK_S: f64 = 300.0;
 
-/// Estimates the offsets between the clocks of these stations' recordings, on top of the alignments `given`.
+/// Offsets between the clocks of these stations' recordings, on top of the alignments `given`.
 ///
 /// # Errors
 /// An error of a station before its first observation, or a mask whose size is not that of its camera.
-pub fn search_offsets(
+pub fn offsets_of_recordings(
     room: &PreparedRoom,
     mut ports: Vec<Port>,
     events: &Receiver<(usize, Event)>,
     given: &[ClockAlignment],
-) -> Result<Vec<ClockAlignment>> {
+) -> Result<Offsets> {
     let options = OffsetOptions { keep_s: LOOK_S, ..OffsetOptions::recording() };
     let mut estimator = OffsetEstimator::new(room, options)?;
     let mut cameras: Vec<ScannedRecording> = ports.iter().map(|_| ScannedRecording::default()).collect();
@@ -43,7 +43,21 @@ pub fn search_offsets(
             estimator.observe(camera, time_s, mask)?;
         }
     }
-    let found = estimator.estimate();
+    Ok(estimator.estimate())
+}
+
+/// Estimates the offsets between the clocks of these stations' recordings, and reports them in the log; the alignments
+/// `given` with the offsets added.
+///
+/// # Errors
+/// As [`offsets_of_recordings`].
+pub fn search_offsets(
+    room: &PreparedRoom,
+    ports: Vec<Port>,
+    events: &Receiver<(usize, Event)>,
+    given: &[ClockAlignment],
+) -> Result<Vec<ClockAlignment>> {
+    let found = offsets_of_recordings(room, ports, events, given)?;
     for (camera, offset) in found.cameras.iter().enumerate() {
         let name = &room.cameras[camera].name;
         let reference = &room.cameras[offset.reference].name;

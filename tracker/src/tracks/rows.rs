@@ -2,6 +2,9 @@
 //!
 //! One row a person and frame: `frame,id,left,top,width,height,confidence[,x,y,z]`. Floor rows have −1 in the box's
 //! columns, image rows −1 (or nothing) in the position's. An id of −1 means an unknown identity.
+//!
+//! A row with a width and a height is a box. After its confidence may stand a class and a visibility (MOT16, MOT17,
+//! MOT20, CVAT: up to nine columns) or, in ten columns, the person's position on the floor besides (3-D MOT15).
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -56,13 +59,16 @@ pub struct Row {
     pub pixel_box: Option<PixelBox>,
     /// Position on the floor, metres, if the row has one.
     pub position: Option<Point2<f64>>,
+    /// The 8th column of a box's row; `None` where it is −1 or absent.
+    pub class_column: Option<f64>,
+    /// The 9th column of a box's row; `None` where it is −1 or absent.
+    pub visibility_column: Option<f64>,
 }
 
 impl Row {
-    /// The 8th column of a box's row, in which detectors of several classes write the class (MOT17); `None` where it is
-    /// not a non-negative integer.
+    /// Class of a box (MOT17's 8th column); `None` where that column is not a non-negative integer.
     pub fn class(&self) -> Option<u32> {
-        let class = self.position.filter(|_| self.pixel_box.is_some())?.x;
+        let class = self.class_column?;
         (class >= 0.0 && class.fract() == 0.0 && class <= f64::from(u32::MAX)).then_some(class as u32)
     }
 }
@@ -136,27 +142,33 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
             values.len()
         ));
     }
+    // As the file writes it: a number of 64 bits has more digits than a double.
+    let written = |index: usize| content.split(',').nth(index).unwrap_or_default().trim();
     let whole = |value: f64| value.fract() == 0.0 && value <= f64::from(u32::MAX);
     if !(whole(values[0]) && values[0] >= 1.0) {
-        return Err(format!("frame is {}; frames are whole numbers from 1", shown(values[0])));
+        return Err(format!("frame is {}; frames are whole numbers from 1 to {}", written(0), u32::MAX));
     }
     if let Some(problem) = FRAME_NUMBER.defect(values[0]) {
         return Err(format!("frame {problem}"));
     }
     if !(whole(values[1]) && values[1] >= -1.0) {
         return Err(format!(
-            "id is {}; ids are whole numbers from 0, or −1 if the person is unknown",
-            shown(values[1])
+            "id is {}; ids are whole numbers from 0 to {}, or −1 if the person is unknown: number them anew",
+            written(1),
+            u32::MAX
         ));
     }
     let column = |index: usize| values.get(index).copied();
-    let pixel_box = (values[4] > 0.0 && values[5] > 0.0).then(|| PixelBox {
-        left: values[2],
-        top: values[3],
-        width: values[4],
-        height: values[5],
-    });
+    let (width, height) = (values[4], values[5]);
+    if (width > 0.0) != (height > 0.0) {
+        return Err(format!(
+            "is {width} wide and {height} high; a box has both above 0, a floor position has −1 in both"
+        ));
+    }
+    let pixel_box = (width > 0.0).then(|| PixelBox { left: values[2], top: values[3], width, height });
     let position = match (column(7), column(8), column(9)) {
+        // After a box, eight or nine columns hold its class and visibility.
+        (_, _, None) if pixel_box.is_some() => None,
         (Some(x), Some(y), z) if (x, y, z.unwrap_or(0.0)) != (-1.0, -1.0, -1.0) => Some(Point2::new(x, y)),
         _ => None,
     };
@@ -171,6 +183,8 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
     if let Some(problem) = column(6).and_then(|confidence| COST.defect(confidence)) {
         return Err(format!("confidence {problem}"));
     }
+    let attribute =
+        |index: usize| column(index).filter(|value| pixel_box.is_some() && (*value + 1.0).abs() > 0.0);
     if pixel_box.is_none() && position.is_none() {
         return Err("has neither a box (width and height above 0) nor a floor position (x, y, z)".into());
     }
@@ -181,6 +195,8 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
         confidence: column(6).unwrap_or(1.0),
         pixel_box,
         position,
+        class_column: attribute(7),
+        visibility_column: attribute(8),
     })
 }
 
@@ -210,6 +226,19 @@ mod tests {
     }
 
     #[test]
+    fn class_and_visibility_of_a_box_are_no_position() {
+        let file =
+            parse("1,1,105,50,40,100,1,1,0.9\n1,2,105,50,40,100,1,7\n1,3,105,50,40,100,1,1,1\n").unwrap();
+        assert!(file.has_boxes() && file.rows.iter().all(|row| row.position.is_none()));
+        assert_eq!(file.rows.iter().map(Row::class).collect::<Vec<_>>(), [Some(1), Some(7), Some(1)]);
+        assert_eq!(file.rows[0].visibility_column, Some(0.9));
+        // Ten columns may hold a position besides the box, nine without a box always hold one.
+        let both = parse("1,1,10,10,40,100,1,2.5,3.5,0\n").unwrap();
+        assert!(both.has_boxes() && both.is_on_floor() && both.rows[0].class().is_none());
+        assert_eq!(parse("1,1,-1,-1,-1,-1,1,2,3\n").unwrap().rows[0].position, Some(Point2::new(2.0, 3.0)));
+    }
+
+    #[test]
     fn bad_rows_are_named_with_their_line() {
         for (bad, word) in [
             ("1,2,a,4,5,6,7", "left"),
@@ -224,6 +253,13 @@ mod tests {
             ("0,1,1,1,5,5,1", "frames are"),
             ("1.5,1,1,1,5,5,1", "frames are"),
             ("1,-2,1,1,5,5,1", "ids are"),
+            (
+                "1,18446744073709551615,1,1,5,5,1",
+                "id is 18446744073709551615; ids are whole numbers from 0 to 4294967295",
+            ),
+            ("4294967296,1,1,1,5,5,1", "4294967295"),
+            ("1,1,1,1,5,0,1,2,3,0", "5 wide and 0 high"),
+            ("1,1,1,1,-1,5,1", "-1 wide and 5 high"),
             ("1,1,-1,-1,-1,-1,1,-1,-1,-1", "neither"),
             ("2,1,1,1,5,5,1\n2,1,1,1,5,5,1", "twice"),
             ("\u{0}\u{1}binary", "no number"),

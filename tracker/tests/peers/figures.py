@@ -5,6 +5,7 @@
     venv/bin/python figures.py            # rewrites *.txt and figures.json, the same bytes every time
     venv/bin/python figures.py --mot15 FOLDER # rewrites mot15.json: figures of tracks made from MOT15 by `blurred`
     venv/bin/python figures.py --time TRACKER MOT15_FOLDER TRACKS_FOLDER # TrackEval and TRACKER on the same files, CPU seconds
+    venv/bin/python figures.py --classes      # rewrites mot17_*.txt, mot20_*.txt and classes.json: the benchmarks' own protocols
     venv/bin/python figures.py TRUTH TRACKS   # prints the peers' figures of any two files of boxes (MOTChallenge 2-D)
 
 MOT15 is not ours to ship: the crate's test makes the same tracks from it again, by the same rule.
@@ -23,6 +24,7 @@ from pathlib import Path
 
 import motmetrics
 import numpy as np
+from trackeval.datasets import MotChallenge2DBox
 from trackeval.datasets._base_dataset import _BaseDataset
 from trackeval.metrics import CLEAR, HOTA, Identity
 
@@ -240,6 +242,56 @@ def record_mot15(folder):
     print(json.dumps(each["together"], indent=1))
 
 
+def with_classes(seed, people, frames, classes):
+    """Truth as MOT17 and MOT20 write it (flag, class, visibility), and tracks that follow whatever looks like a person."""
+    rng = random.Random(seed)
+    truth, tracks = [], []
+    for person in range(1, people + 1):
+        kind = classes[person % len(classes)]
+        x, y, height = rng.uniform(0, 1200), rng.uniform(0, 500), rng.uniform(60, 200)
+        vx, vy = rng.gauss(0, 4), rng.gauss(0, 1)
+        track, first = 100 + person, rng.randrange(1, frames // 3)
+        for frame in range(first, min(frames, first + rng.randrange(frames // 3, frames)) + 1):
+            if kind not in (7, 12):
+                x, y = x + vx, y + vy
+            visibility = round(rng.uniform(0, 1), 3)
+            flag = int(kind == 1 and person % 9 != 0)
+            truth.append((frame, person, x, y, 0.4 * height, height, flag, kind, visibility))
+            if rng.random() < 0.02:
+                track += 1000
+            if rng.random() < 0.85:
+                dx, dy = rng.gauss(0, 0.06 * height), rng.gauss(0, 0.05 * height)
+                tracks.append((frame, track, x + dx, y + dy, 0.4 * height, height, round(rng.uniform(0.3, 1), 3)))
+    line = lambda row: ",".join(f"{v:.2f}" if isinstance(v, float) and i in (2, 3, 4, 5) else str(v) for i, v in enumerate(row))
+    return [line(row) for row in sorted(truth)], [line(row) + ",-1,-1,-1" for row in sorted(tracks)]
+
+
+def benchmark_figures(benchmark, truth, tracks, frames):
+    """What TrackEval's own dataset of the benchmark makes of two files."""
+    with tempfile.TemporaryDirectory() as folder:
+        gt, data = Path(folder, "gt/S/gt"), Path(folder, "tracks/T/data")
+        gt.mkdir(parents=True), data.mkdir(parents=True)
+        (gt / "gt.txt").write_text("\n".join(truth) + "\n")
+        (data / "S.txt").write_text("\n".join(tracks) + "\n")
+        dataset = MotChallenge2DBox({
+            "GT_FOLDER": f"{folder}/gt", "TRACKERS_FOLDER": f"{folder}/tracks", "BENCHMARK": benchmark, "SKIP_SPLIT_FOL": True,
+            "SEQ_INFO": {"S": frames}, "PRINT_CONFIG": False})
+        judged = dataset.get_preprocessed_seq_data(dataset.get_raw_seq_data("T", "S"), "pedestrian")
+    return {k: float(v) for k, v in reported(*trackeval_figures(judged)).items()}
+
+
+def record_classes():
+    recorded, frames = {}, 60
+    for benchmark, seed, people, classes in [("MOT17", 21, 20, [1, 7, 1, 12, 1, 2, 3, 1, 8, 6]), ("MOT20", 22, 20, [1, 6, 1, 7, 1, 11, 13])]:
+        truth, tracks = with_classes(seed, people, frames, classes)
+        name = benchmark.lower()
+        (HERE / f"{name}_truth.txt").write_text("\n".join(truth) + "\n")
+        (HERE / f"{name}_tracks.txt").write_text("\n".join(tracks) + "\n")
+        recorded[name] = benchmark_figures(benchmark, truth, tracks, frames)
+        print(name, json.dumps(recorded[name]))
+    (HERE / "classes.json").write_text(json.dumps(recorded, indent=1) + "\n")
+
+
 def race(tracker, truth_folder, tracks_folder, repeats=7):
     """TrackEval's own work (reading, similarities, HOTA, CLEAR, Identity), alone and with its start (Python and its imports),
     against the whole process of `tracker eval`. CPU seconds, the least of some repeats in turn: a busy machine slows both."""
@@ -274,6 +326,9 @@ def main():
         return
     if len(sys.argv) == 3 and sys.argv[1] == "--mot15":
         record_mot15(sys.argv[2])
+        return
+    if sys.argv[1:] == ["--classes"]:
+        record_classes()
         return
     if len(sys.argv) == 3:
         for part in figures(*sys.argv[1:])[:2]:

@@ -57,7 +57,11 @@ pub(super) fn cameras(bytes: &[u8]) -> Parsed<Vec<ModelCamera>> {
         let id = bytes.u32()?;
         let number = i32::from_le_bytes(bytes.take()?);
         let Some(model) = MODELS.iter().find(|m| m.id == number) else {
-            return Err((bytes.place, format!("camera model {number} is not known")));
+            let problem = format!(
+                "camera model {number} is none of COLMAP's (0 to {}); is the file whole?",
+                MODELS.len() - 1
+            );
+            return Err((bytes.place, problem));
         };
         let (width, height) = (bytes.u64()?, bytes.u64()?);
         let parameters = (0..model.parameters).map(|_| bytes.f64()).collect::<Parsed<_>>()?;

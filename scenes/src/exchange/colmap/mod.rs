@@ -9,10 +9,10 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use calib::Camera;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{CORNER_PX, camera_name, picture_name};
-use crate::geometry::{Geometry, cloud, vec3_from_point};
+use crate::geometry::{Geometry, cloud};
 use crate::room::{Room, RoomCamera};
 use crate::{Error, Result};
 
@@ -59,12 +59,12 @@ pub fn read(dir: &Path) -> Result<Vec<RoomCamera>> {
         .collect()
 }
 
-/// The model's points as discs that face the cameras at `viewpoints`; `None` without any. They are as sparse as the
-/// model: surfaces between them hide nobody.
+/// The model's points, moved by `shift_m`, as discs that face the cameras at `viewpoints`; `None` without any. They are
+/// as sparse as the model: surfaces between them hide nobody.
 ///
 /// # Errors
 /// As [`read`]; for a point that is not finite, too.
-pub fn read_points(dir: &Path, viewpoints: &[Vec3]) -> Result<Option<Geometry>> {
+pub fn read_points(dir: &Path, viewpoints: &[Vec3], shift_m: DVec3) -> Result<Option<Geometry>> {
     let (file, points) = if dir.join("cameras.bin").is_file() {
         let file = dir.join("points3D.bin");
         if !file.is_file() {
@@ -81,7 +81,7 @@ pub fn read_points(dir: &Path, viewpoints: &[Vec3]) -> Result<Option<Geometry>> 
         (file, text::points(&text))
     };
     let points = points.map_err(|(place, problem)| Error::content(&file, place, problem))?;
-    let places: Vec<Vec3> = points.iter().map(|p| vec3_from_point(&p.place.into())).collect();
+    let places: Vec<Vec3> = points.iter().map(|p| (DVec3::from(p.place) + shift_m).as_vec3()).collect();
     if let Some(i) = places.iter().position(|place| !place.is_finite()) {
         let problem = "a coordinate is not finite; remove the point";
         return Err(Error::content(&file, format!("point {} of {}", i + 1, places.len()), problem));
@@ -155,6 +155,7 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>> {
 mod tests {
     use super::*;
     use crate::exchange::test_room;
+    use crate::geometry::vec3_from_point;
     use approx::assert_relative_eq;
 
     fn room() -> Room {
@@ -267,7 +268,7 @@ mod tests {
                 }
             }
             let eyes: Vec<Vec3> = cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();
-            let Some(Geometry::Discs(discs)) = read_points(&folder, &eyes).unwrap() else {
+            let Some(Geometry::Discs(discs)) = read_points(&folder, &eyes, DVec3::ZERO).unwrap() else {
                 panic!("no discs")
             };
             assert_eq!(discs.len(), expected.points.len());
@@ -291,7 +292,7 @@ mod tests {
             let whole = std::fs::read(&path).unwrap();
             let said = |bytes: &[u8]| {
                 std::fs::write(&path, bytes).unwrap();
-                read_points(folder.path(), &[]).unwrap_err().to_string()
+                read_points(folder.path(), &[], DVec3::ZERO).unwrap_err().to_string()
             };
             if name == "points3D.bin" {
                 for length in 0..whole.len() {
@@ -316,9 +317,9 @@ mod tests {
                 }
                 std::fs::write(&path, "# nothing\n").unwrap();
             }
-            assert_eq!(read_points(folder.path(), &[]).unwrap(), None);
+            assert_eq!(read_points(folder.path(), &[], DVec3::ZERO).unwrap(), None);
             std::fs::remove_file(&path).unwrap();
-            assert_eq!(read_points(folder.path(), &[]).unwrap(), None);
+            assert_eq!(read_points(folder.path(), &[], DVec3::ZERO).unwrap(), None);
         }
     }
 
@@ -357,7 +358,33 @@ mod tests {
             let line = said();
             assert!(words.iter().all(|word| line.contains(word)), "{line}");
         }
+        // Images without their second lines, and a list of points that is none.
+        for (second, line) in [
+            ("2 1 0 0 0 0 1.2 3 1 right.png", 2),
+            ("2 1 0 0 0 0 1.2 3 1 a b 12", 2),
+            ("1 2 0.5", 2),
+            ("1.5 2 7 8", 2),
+        ] {
+            put("images.txt", &format!("1 1 0 0 0 0 1.2 3 1 left.png\n{second}\n"));
+            let said = said();
+            assert!(
+                said.contains(&format!("images.txt: line {line}")) && said.contains("list of points"),
+                "{said}"
+            );
+        }
+        put(
+            "images.txt",
+            "1 1 0 0 0 0 1.2 3 1 left.png\n10.5 20 -1 30 40.25 7\n2 1 0 0 0 0 1.2 3 1 right.png\n",
+        );
+        assert_eq!(read(folder.path()).unwrap().len(), 2);
         put("images.txt", image);
+        for (camera, words) in [
+            ("1 SIMPLE_DIVISION 64 48 60 32 24 0.1\n", "SIMPLE_DIVISION is not known here"),
+            ("1 EQUIRECTANGULAR 64 48 64 48\n", "cut the pictures"),
+        ] {
+            put("cameras.txt", camera);
+            assert!(said().contains(words), "{}", said());
+        }
         put("cameras.txt", "1 FOV 64 48 60 60 32 24 0.1\n");
         assert!(said().contains("image_undistorter"));
     }

@@ -40,8 +40,9 @@ pub(super) struct CameraModel {
     pub(super) parameters: usize,
 }
 
-/// All numbered camera models; the fisheyes are listed only so that an error can name them.
-pub(super) static MODELS: [CameraModel; 11] = [
+/// All numbered camera models, those of COLMAP 4 included; the fisheyes and the like are listed only so that an error can
+/// name them.
+pub(super) static MODELS: [CameraModel; 18] = [
     CameraModel { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
     CameraModel { id: 1, name: "PINHOLE", parameters: 4 },
     CameraModel { id: 2, name: "SIMPLE_RADIAL", parameters: 4 },
@@ -53,7 +54,17 @@ pub(super) static MODELS: [CameraModel; 11] = [
     CameraModel { id: 8, name: "SIMPLE_RADIAL_FISHEYE", parameters: 4 },
     CameraModel { id: 9, name: "RADIAL_FISHEYE", parameters: 5 },
     CameraModel { id: 10, name: "THIN_PRISM_FISHEYE", parameters: 12 },
+    CameraModel { id: 11, name: "RAD_TAN_THIN_PRISM_FISHEYE", parameters: 16 },
+    CameraModel { id: 12, name: "SIMPLE_DIVISION", parameters: 4 },
+    CameraModel { id: 13, name: "DIVISION", parameters: 5 },
+    CameraModel { id: 14, name: "SIMPLE_FISHEYE", parameters: 3 },
+    CameraModel { id: 15, name: "FISHEYE", parameters: 4 },
+    CameraModel { id: 16, name: "EUCM", parameters: 6 },
+    CameraModel { id: 17, name: EQUIRECTANGULAR, parameters: 2 },
 ];
+
+/// Model of pictures all around, which no pinhole picture holds.
+const EQUIRECTANGULAR: &str = "EQUIRECTANGULAR";
 
 /// Defect of a file: the place and the problem.
 pub(super) type Defect = (String, String);
@@ -68,6 +79,11 @@ impl ModelCamera {
             "RADIAL" => (p[0], p[0], p[1], p[2], [p[3], p[4], 0.0, 0.0, 0.0]),
             "OPENCV" => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], 0.0]),
             "FULL_OPENCV" if p[9..] == [0.0; 3] => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], p[8]]),
+            EQUIRECTANGULAR => {
+                return Err(format!(
+                    "the model {EQUIRECTANGULAR} is not known here; cut the pictures into perspective ones before"
+                ));
+            }
             name => {
                 return Err(format!(
                     "the model {name} is not known here; make pinhole pictures with `colmap image_undistorter`"

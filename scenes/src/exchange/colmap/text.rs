@@ -78,9 +78,26 @@ pub(super) fn pictures(text: &str) -> Parsed<Vec<ModelImage>> {
             name.push_str(word);
         }
         pictures.push(ModelImage { name, camera, rotation: [w, x, y, z], translation: [tx, ty, tz] });
-        lines.next();
+        if let Some((line, text)) = lines.next() {
+            check_sightings(line, text)?;
+        }
     }
     Ok(pictures)
+}
+
+/// Checks the second line of a picture: two pixels and the number of a point, −1 for none, for each sighting.
+fn check_sightings(line: usize, text: &str) -> Parsed<()> {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let is_sighting = |words: &[&str]| match words {
+        [x, y, point] => x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok() && point.parse::<i64>().is_ok(),
+        _ => false,
+    };
+    if words.chunks(3).all(is_sighting) {
+        return Ok(());
+    }
+    let problem = "is no list of points (X Y POINT3D_ID for each), which every second line is: give each image its second \
+                   line, which may be empty";
+    Err((format!("line {line}"), problem.to_owned()))
 }
 
 pub(super) fn points(text: &str) -> Parsed<Vec<ModelPoint>> {

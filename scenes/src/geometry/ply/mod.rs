@@ -3,10 +3,13 @@
 //! Vertex properties: `x y z`, `nx ny nz` (needed without faces), `red green blue` (0 to 255, or 0.0 to 1.0 as float),
 //! `radius` in metres (estimated from the points' spacing when absent), `filled` (1: not measured, see
 //! [`Disc::filled`](super::Disc::filled)) and `confidence` ([`Disc::confidence`](super::Disc::confidence); 1 when
-//! absent). Any number type is accepted. Other properties and elements are skipped.
+//! absent). Any number type is accepted. Other properties are skipped, other elements with a warning; elements that may
+//! hold the surface in another form than `face` and `tristrips` are refused.
 
+mod header;
 mod read;
 mod row;
+mod strips;
 mod write;
 
 pub use read::{read, read_seen_from};

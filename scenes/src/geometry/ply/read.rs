@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType};
 
-use super::row::{CORNERS, FaceRow, SkippedRow, VertexRow};
+use super::header::{self, FACES, STRIPS, VERTICES};
+use super::row::{CORNERS, FaceRow, SkippedRow, StripRow, VertexRow};
+use super::strips::{self, END_OF_STRIP};
 use crate::geometry::{Disc, Geometry, Mesh, normals, spacing, triangulate};
 use crate::{Error, Result};
 
@@ -15,20 +17,21 @@ use crate::{Error, Result};
 /// # Errors
 /// [`Error::Io`], or [`Error::Content`] naming the element and its problem.
 pub fn read(path: &Path) -> Result<Geometry> {
-    read_with(path, None)
+    read_with(path, None, DVec3::ZERO)
 }
 
-/// [`read`] for clouds that may lack normals: they are estimated, each towards the nearest of the viewpoints.
+/// [`read`] for clouds that may lack normals: they are estimated, each towards the nearest of the viewpoints. All
+/// positions are moved by `shift_m` before they are rounded to single precision.
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_seen_from(path: &Path, viewpoints: &[Vec3]) -> Result<Geometry> {
-    read_with(path, Some(viewpoints))
+pub fn read_seen_from(path: &Path, viewpoints: &[Vec3], shift_m: DVec3) -> Result<Geometry> {
+    read_with(path, Some(viewpoints), shift_m)
 }
 
-fn read_with(path: &Path, viewpoints: Option<&[Vec3]>) -> Result<Geometry> {
+fn read_with(path: &Path, viewpoints: Option<&[Vec3]>, shift_m: DVec3) -> Result<Geometry> {
     let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
-    decode(&bytes, viewpoints).map_err(|(place, problem)| Error::Content {
+    decode(&bytes, viewpoints, shift_m).map_err(|(place, problem)| Error::Content {
         path: path.to_owned(),
         place,
         problem,
@@ -39,26 +42,35 @@ fn read_with(path: &Path, viewpoints: Option<&[Vec3]>) -> Result<Geometry> {
 type Defect = (String, String);
 type Decoded<T> = std::result::Result<T, Defect>;
 
-fn decode(bytes: &[u8], viewpoints: Option<&[Vec3]>) -> Decoded<Geometry> {
+/// Greatest coordinate, metres: beyond it neighbouring numbers of single precision are more than a millimetre apart.
+const FARTHEST_M: f64 = 10_000.0;
+
+fn decode(bytes: &[u8], viewpoints: Option<&[Vec3]>, shift_m: DVec3) -> Decoded<Geometry> {
     if bytes.is_empty() {
         return Err(("whole file".into(), "the file is empty; write it again".into()));
     }
     let mut reader = Reader::new(bytes);
-    let header = Parser::<SkippedRow>::new()
-        .read_header(&mut reader)
-        .map_err(|e| ("header".to_owned(), format!("this is no PLY file: {}", one_line(&e.to_string()))))?;
+    let header = Parser::<SkippedRow>::new().read_header(&mut reader).map_err(|e| {
+        match header::unreadable_line(bytes) {
+            Some((line, problem)) => (format!("header, line {line}"), problem),
+            None => ("header".to_owned(), format!("this is no PLY file: {}", cause_of(&e.to_string()))),
+        }
+    })?;
     check_sizes(&header, reader.get_ref().len())?;
+    header::check_skipped(&header)?;
 
-    let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+    let (mut vertices, mut faces, mut strips) = (Vec::new(), Vec::new(), Vec::new());
     for element in header.elements.values() {
         match element.name.as_str() {
-            "vertex" => vertices = rows::<VertexRow>(&mut reader, element, &header)?,
-            "face" => faces = rows::<FaceRow>(&mut reader, element, &header)?,
+            VERTICES => vertices = rows::<VertexRow>(&mut reader, element, &header)?,
+            FACES => faces = rows::<FaceRow>(&mut reader, element, &header)?,
+            STRIPS => strips = rows::<StripRow>(&mut reader, element, &header)?,
             _ => drop(rows::<SkippedRow>(&mut reader, element, &header)?),
         }
     }
     require(&header, "vertex", &["x", "y", "z"], "a room's geometry needs positions")?;
-    let geometry = if faces.is_empty() {
+    shift(&mut vertices, shift_m)?;
+    let geometry = if faces.is_empty() && strips.is_empty() {
         if let Some(viewpoints) = viewpoints.filter(|_| !has(&header, "vertex", "nx")) {
             face(&mut vertices, viewpoints)?;
         } else {
@@ -68,7 +80,7 @@ fn decode(bytes: &[u8], viewpoints: Option<&[Vec3]>) -> Decoded<Geometry> {
         }
         Geometry::Discs(discs(&vertices, has(&header, "vertex", "radius"))?)
     } else {
-        Geometry::Mesh(mesh(&vertices, &faces)?)
+        Geometry::Mesh(mesh(&vertices, &faces, &strips)?)
     };
     if geometry.is_empty() {
         let problem = "there are no points; leave `geometry` out of scene.toml if the room is empty";
@@ -145,9 +157,32 @@ fn require(header: &Header, element: &str, properties: &[&str], why: &str) -> De
     }
 }
 
+/// Moves the vertices, and checks that they lie near enough to the origin.
+fn shift(rows: &mut [VertexRow], shift_m: DVec3) -> Decoded<()> {
+    for (i, row) in rows.iter_mut().enumerate() {
+        let moved = DVec3::from(row.position) + shift_m;
+        // A number too large for single precision is none; the checks of the geometry name it.
+        if moved.as_vec3().is_finite() && moved.abs().max_element() > FARTHEST_M {
+            let nearby = (moved / 1000.0).floor() * 1000.0;
+            let problem = format!(
+                "lies at ({:.0}, {:.0}, {:.0}), more than 10 km from the origin, where a millimetre is lost: move geometry \
+                 and cameras to the origin, as with `scenes import … --shift={},{},0`",
+                moved.x, moved.y, moved.z, -nearby.x, -nearby.y
+            );
+            return Err((format!("vertex {i}"), problem));
+        }
+        row.position = moved.to_array();
+    }
+    Ok(())
+}
+
+fn position(row: &VertexRow) -> Vec3 {
+    DVec3::from(row.position).as_vec3()
+}
+
 /// Estimates the normals of a bare cloud.
 fn face(rows: &mut [VertexRow], viewpoints: &[Vec3]) -> Decoded<()> {
-    let centers: Vec<Vec3> = rows.iter().map(|row| Vec3::from(row.position)).collect();
+    let centers: Vec<Vec3> = rows.iter().map(position).collect();
     if let Some(i) = centers.iter().position(|center| !center.is_finite()) {
         return Err(not_finite(i));
     }
@@ -164,7 +199,7 @@ fn not_finite(vertex: usize) -> Defect {
 fn discs(rows: &[VertexRow], radius_given: bool) -> Decoded<Vec<Disc>> {
     let mut discs = Vec::with_capacity(rows.len());
     for (i, row) in rows.iter().enumerate() {
-        let (center, normal) = (Vec3::from(row.position), Vec3::from(row.normal));
+        let (center, normal) = (position(row), Vec3::from(row.normal));
         if !(center.is_finite() && normal.is_finite()) {
             return Err(not_finite(i));
         }
@@ -184,9 +219,9 @@ fn discs(rows: &[VertexRow], radius_given: bool) -> Decoded<Vec<Disc>> {
     Ok(discs)
 }
 
-fn mesh(rows: &[VertexRow], faces: &[FaceRow]) -> Decoded<Mesh> {
+fn mesh(rows: &[VertexRow], faces: &[FaceRow], strips: &[StripRow]) -> Decoded<Mesh> {
     let mut mesh = Mesh {
-        vertices: rows.iter().map(|row| Vec3::from(row.position)).collect(),
+        vertices: rows.iter().map(position).collect(),
         triangles: Vec::with_capacity(faces.len()),
         colors: rows.iter().map(|row| row.color).collect(),
     };
@@ -202,7 +237,27 @@ fn mesh(rows: &[VertexRow], faces: &[FaceRow]) -> Decoded<Mesh> {
         }
         triangulate::face(&face.corners, &mesh.vertices, &mut mesh.triangles);
     }
+    for (i, strip) in strips.iter().enumerate() {
+        let is_unknown = |index: &&u32| **index != END_OF_STRIP && **index as usize >= rows.len();
+        if let Some(index) = strip.corners.iter().find(is_unknown) {
+            let problem = format!("names vertex {index}, but there are {} (counted from 0)", rows.len());
+            return Err((format!("strip {i}"), problem));
+        }
+        strips::triangles(&strip.corners, &mut mesh.triangles);
+    }
     Ok(mesh)
+}
+
+/// The first sentence of the parser's message, without its grammar.
+fn cause_of(message: &str) -> String {
+    let line = one_line(message);
+    let end = ["ParseError", "expected: ExpectedSet"].iter().filter_map(|word| line.find(word)).min();
+    let cause = line[..end.unwrap_or(line.len())].trim_end_matches([' ', ':', ',']);
+    if cause.is_empty() {
+        "its header cannot be read; write the file again".to_owned()
+    } else {
+        cause.to_owned()
+    }
 }
 
 /// Shortens a library's message to one line.
@@ -227,8 +282,12 @@ mod tests {
         property float z\r\nproperty float nx\r\nproperty float ny\r\nproperty float nz\r\nproperty float radius\r\n\
         end_header\r\n1 2 3 0 0 2 0.1\r\n";
 
+    fn decode_here(bytes: &[u8], viewpoints: Option<&[Vec3]>) -> Decoded<Geometry> {
+        decode(bytes, viewpoints, DVec3::ZERO)
+    }
+
     fn problem(text: &str) -> String {
-        let (place, problem) = decode(text.as_bytes(), None).unwrap_err();
+        let (place, problem) = decode_here(text.as_bytes(), None).unwrap_err();
         let line = format!("{place}: {problem}");
         assert!(!line.contains('\n'), "{line}");
         line
@@ -236,13 +295,13 @@ mod tests {
 
     #[test]
     fn ascii_faces_and_points_are_read() {
-        let Geometry::Mesh(mesh) = decode(TRIANGLE.as_bytes(), None).unwrap() else {
+        let Geometry::Mesh(mesh) = decode_here(TRIANGLE.as_bytes(), None).unwrap() else {
             panic!("faces make a mesh")
         };
         assert_eq!(mesh.triangles, [[0, 1, 2]]);
         assert_eq!(mesh.vertices[2], Vec3::Y);
 
-        let Geometry::Discs(discs) = decode(POINT.as_bytes(), None).unwrap() else {
+        let Geometry::Discs(discs) = decode_here(POINT.as_bytes(), None).unwrap() else {
             panic!("points make discs")
         };
         assert_eq!((discs[0].normal, discs[0].radius), (Vec3::Z, 0.1));
@@ -256,7 +315,7 @@ mod tests {
             property float red\nproperty float green\nproperty float blue\n\
             element face 1\nproperty int flags\nproperty list uchar uint vertex_index\nend_header\n\
             2 5 6\n0\n0 0 0 9 1 0 0.5\n1 0 0 9 1 0 0.5\n1 1 0 9 1 0 0.5\n0 1 0 9 1 0 0.5\n7 4 0 1 2 3";
-        let Geometry::Mesh(mesh) = decode(text.as_bytes(), None).unwrap() else {
+        let Geometry::Mesh(mesh) = decode_here(text.as_bytes(), None).unwrap() else {
             panic!("faces make a mesh")
         };
         assert_eq!(mesh.triangles.len(), 2);
@@ -276,7 +335,7 @@ mod tests {
         for index in [0_i32, 1, 2] {
             bytes.extend(index.to_be_bytes());
         }
-        let Geometry::Mesh(mesh) = decode(&bytes, None).unwrap() else { panic!("faces make a mesh") };
+        let Geometry::Mesh(mesh) = decode_here(&bytes, None).unwrap() else { panic!("faces make a mesh") };
         assert_eq!(mesh.vertices[2], Vec3::Y * 2.0);
     }
 
@@ -290,12 +349,14 @@ mod tests {
         assert!(problem("ply\nformat ascii 1.0\nelement vertex 0\nend_header\n").contains("property x"));
         // Every truncation of a binary file, too, ends in a message.
         let whole = {
-            let Geometry::Mesh(mesh) = decode(TRIANGLE.as_bytes(), None).unwrap() else { panic!("a mesh") };
+            let Geometry::Mesh(mesh) = decode_here(TRIANGLE.as_bytes(), None).unwrap() else {
+                panic!("a mesh")
+            };
             super::super::encode(&Geometry::Mesh(mesh)).unwrap()
         };
-        assert!(decode(&whole, None).is_ok());
+        assert!(decode_here(&whole, None).is_ok());
         for length in 0..whole.len() {
-            assert!(decode(&whole[..length], None).is_err(), "{length} of {} bytes", whole.len());
+            assert!(decode_here(&whole[..length], None).is_err(), "{length} of {} bytes", whole.len());
         }
     }
 
@@ -322,16 +383,63 @@ mod tests {
         let corners: Vec<String> = (0..100).map(|i| format!("{} {} 0", i % 10, i / 10)).collect();
         let floor = corners.join("\n") + "\n";
         let below = [Vec3::new(0.5, 0.5, -2.0)];
-        let Geometry::Discs(discs) = decode(bare(&floor).as_bytes(), Some(&below)).unwrap() else {
+        let Geometry::Discs(discs) = decode_here(bare(&floor).as_bytes(), Some(&below)).unwrap() else {
             panic!("points make discs")
         };
         assert!(discs.iter().all(|d| d.normal.distance(-Vec3::Z) < 1e-4 && d.radius > 0.5 && d.radius < 1.5));
         // Without cameras the seen side is unknown; existing normals are kept.
         assert!(problem(&bare(&floor)).contains("scenes import"));
-        let Geometry::Discs(discs) = decode(POINT.as_bytes(), Some(&below)).unwrap() else { panic!("discs") };
+        let Geometry::Discs(discs) = decode_here(POINT.as_bytes(), Some(&below)).unwrap() else {
+            panic!("discs")
+        };
         assert_eq!(discs[0].normal, Vec3::Z);
-        let (place, said) = decode(bare("0 0 0\n1 1e99 0\n").as_bytes(), Some(&below)).unwrap_err();
+        let (place, said) = decode_here(bare("0 0 0\n1 1e99 0\n").as_bytes(), Some(&below)).unwrap_err();
         assert!(place == "vertex 1" && said.contains("not finite"), "{place}: {said}");
+    }
+
+    /// A room of 4 × 3 × 2.5 m, all its sides but the one at x = 4 and the ceiling, as five strips.
+    const STRIPS_OF_A_ROOM: &str = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\n\
+        property float z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n0 0 2.5\n0 3 0\n\
+        0 3 2.5\n4 0 0\n4 0 2.5\n4 3 0\n4 3 2.5\n\
+        25 0 1 2 3 -1 4 6 5 7 -1 0 4 1 5 -1 2 3 6 7 -1 0 2 4 6 -1\n";
+
+    #[test]
+    fn strips_are_the_surface() {
+        let Geometry::Mesh(mesh) = decode_here(STRIPS_OF_A_ROOM.as_bytes(), None).unwrap() else {
+            panic!("strips make a mesh")
+        };
+        assert_eq!(mesh.triangles.len(), 10);
+        let area = |triangle: &[u32; 3]| {
+            let [a, b, c] = mesh.corners(*triangle);
+            0.5 * (b - a).cross(c - a).length()
+        };
+        let all: f32 = mesh.triangles.iter().map(area).sum();
+        assert!((all - (12.0 + 2.0 * 10.0 + 2.0 * 7.5)).abs() < 1e-4, "{all}");
+        assert!(problem(&STRIPS_OF_A_ROOM.replace("4 6 5 7", "4 6 5 8")).contains("strip 0: names vertex 8"));
+    }
+
+    #[test]
+    fn surfaces_in_forms_that_are_not_read_are_refused() {
+        let other = problem(&STRIPS_OF_A_ROOM.replace("tristrips", "trifans"));
+        assert!(other.contains("element trifans") && other.contains("triangles"), "{other}");
+        let name = STRIPS_OF_A_ROOM.replace("property float z", "property float scalar_C2C[<0.1]");
+        assert!(problem(&name).contains("header, line 6: the name"), "{}", problem(&name));
+        let of = STRIPS_OF_A_ROOM.replace("list int int", "list int int64");
+        assert!(problem(&of).contains("header, line 8: the type `int64`"), "{}", problem(&of));
+        assert!(!problem("ply\nnonsense\n").contains("ExpectedSet"), "{}", problem("ply\nnonsense\n"));
+    }
+
+    #[test]
+    fn a_frame_far_away_needs_a_shift_and_keeps_its_digits() {
+        let far = TRIANGLE.replace("float y", "double y").replace(
+            "\n0 0 0\n1 0 0\n0 1e0 0\n",
+            "\n500000 5400000.25 0\n500001 5400000.25 0\n500000 5400001.375 0\n",
+        );
+        let refused = problem(&far);
+        assert!(refused.contains("vertex 0") && refused.contains("--shift=-500000,-5400000,0"), "{refused}");
+        let shift = DVec3::new(-500_000.0, -5_400_000.0, 0.0);
+        let Geometry::Mesh(mesh) = decode(far.as_bytes(), None, shift).unwrap() else { panic!("a mesh") };
+        assert_eq!(mesh.vertices[2], Vec3::new(0.0, 1.375, 0.0));
     }
 
     #[test]

@@ -2,13 +2,16 @@
 
 use ply_rs::ply::{BeginList, Property, PropertyAccess, PropertyAccessResult};
 
+use super::strips::END_OF_STRIP;
+
 /// Grey level of elements without a colour.
 const GREY: u8 = 180;
 
 /// A vertex; properties that its file lacks keep the values of [`PropertyAccess::new`].
 #[derive(Debug, Clone)]
 pub(super) struct VertexRow {
-    pub(super) position: [f32; 3],
+    /// As the file has it; a frame far away needs the digits of a double.
+    pub(super) position: [f64; 3],
     pub(super) normal: [f32; 3],
     pub(super) color: [u8; 3],
     pub(super) radius: f32,
@@ -29,10 +32,12 @@ impl PropertyAccess for VertexRow {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name) {
+            let Some(value) = double(&property) else { return PropertyAccessResult::UnsupportedType };
+            self.position[axis] = value;
+            return PropertyAccessResult::Set;
+        }
         let number = match name {
-            "x" => &mut self.position[0],
-            "y" => &mut self.position[1],
-            "z" => &mut self.position[2],
             "nx" => &mut self.normal[0],
             "ny" => &mut self.normal[1],
             "nz" => &mut self.normal[2],
@@ -65,9 +70,9 @@ impl PropertyAccess for VertexRow {
 
     fn get_float(&self, name: &str) -> Option<f32> {
         Some(match name {
-            "x" => self.position[0],
-            "y" => self.position[1],
-            "z" => self.position[2],
+            "x" => self.position[0] as f32,
+            "y" => self.position[1] as f32,
+            "z" => self.position[2] as f32,
             "nx" => self.normal[0],
             "ny" => self.normal[1],
             "nz" => self.normal[2],
@@ -85,6 +90,45 @@ impl PropertyAccess for VertexRow {
             "filled" => u8::from(self.filled),
             _ => return None,
         })
+    }
+}
+
+/// A number of any type, with all its digits.
+fn double(property: &Property) -> Option<f64> {
+    match property {
+        Property::Double(value) => Some(*value),
+        Property::Int(value) => Some(f64::from(*value)),
+        Property::UInt(value) => Some(f64::from(*value)),
+        other => other.to_f32_lossy().map(f64::from),
+    }
+}
+
+/// Triangle strips: their corners one after the other, [`END_OF_STRIP`] for every negative index.
+#[derive(Debug, Clone)]
+pub(super) struct StripRow {
+    pub(super) corners: Vec<u32>,
+}
+
+impl PropertyAccess for StripRow {
+    fn new() -> Self {
+        Self { corners: Vec::new() }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if !CORNERS.contains(&name) {
+            return PropertyAccessResult::Ignored;
+        }
+        let index = |value: i32| u32::try_from(value).unwrap_or(END_OF_STRIP);
+        self.corners = match &property {
+            Property::ListChar(corners) => corners.iter().map(|value| index(i32::from(*value))).collect(),
+            Property::ListShort(corners) => corners.iter().map(|value| index(i32::from(*value))).collect(),
+            Property::ListInt(corners) => corners.iter().copied().map(index).collect(),
+            other => match other.to_u32_list() {
+                Some(corners) => corners,
+                None => return PropertyAccessResult::UnsupportedType,
+            },
+        };
+        PropertyAccessResult::Set
     }
 }
 

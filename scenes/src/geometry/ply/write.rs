@@ -33,7 +33,7 @@ pub(crate) fn encode(geometry: &Geometry) -> Result<Vec<u8>> {
 
 fn encode_mesh(mesh: &Mesh) -> std::io::Result<Vec<u8>> {
     let vertices: Vec<VertexRow> = std::iter::zip(&mesh.vertices, &mesh.colors)
-        .map(|(v, &color)| VertexRow { position: v.to_array(), color, ..VertexRow::new() })
+        .map(|(v, &color)| VertexRow { position: v.as_dvec3().to_array(), color, ..VertexRow::new() })
         .collect();
     let faces: Vec<FaceRow> = mesh
         .triangles
@@ -61,7 +61,7 @@ fn encode_discs(discs: &[Disc]) -> std::io::Result<Vec<u8>> {
     let rows: Vec<VertexRow> = discs
         .iter()
         .map(|d| VertexRow {
-            position: d.center.to_array(),
+            position: d.center.as_dvec3().to_array(),
             normal: d.normal.to_array(),
             color: d.color,
             radius: d.radius,
