@@ -6,6 +6,7 @@
 //!
 //! * [`listener`] — [`Listener`]: the socket, and the refusal of requests for a foreign host name. Start here.
 //! * [`access`] — [`AccessToken`]: the token of a server that other machines can reach, and its certificate.
+//! * [`protection`] — [`Protection`]: both, as a command's options name them.
 //! * [`answer`] — [`Answer`]: the answers, with the headers that all of them carry.
 //! * [`page_file`] — [`PageFile`]: a page's own files, compiled into the program, so that pages work without a network;
 //!   and the colours that all pages share.
@@ -14,9 +15,11 @@ mod access;
 mod answer;
 mod listener;
 mod page_file;
+mod protection;
 mod tls_listener;
 
 pub use access::AccessToken;
 pub use answer::Answer;
 pub use listener::{ListenError, Listener};
 pub use page_file::PageFile;
+pub use protection::Protection;
