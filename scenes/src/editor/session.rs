@@ -144,8 +144,10 @@ pub(super) struct SaveRequest {
 #[derive(Serialize)]
 pub(super) struct SaveReply {
     version: SceneVersion,
-    /// Whether the file has changes of other programs besides, so that the page should load it.
+    /// Whether the drawing has changes of other programs besides.
     merged: bool,
+    /// Whether other programs had changed the file, so that the page should load it.
+    changed: bool,
     warnings: Vec<String>,
 }
 
@@ -212,7 +214,7 @@ impl Session {
         let mut room = state.editor_room.room.clone();
         saved.drawing.put(&mut room);
         let warnings = unreachable(&room, &walkable::cached(&self.dir, &room)?);
-        Ok(SaveReply { version: saved.version, merged: saved.is_merged || is_changed, warnings })
+        Ok(SaveReply { version: saved.version, merged: saved.is_merged, changed: is_changed, warnings })
     }
 
     fn state(&self) -> MutexGuard<'_, SessionState> {

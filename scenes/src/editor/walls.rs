@@ -5,6 +5,7 @@
 //! line with the most votes is fitted to its points, cut where nothing stands, and its points are taken out, until no
 //! line is long enough. Fronts of cupboards count as walls.
 
+use std::collections::HashMap;
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, Point2, SymmetricEigen, Vector2};
@@ -29,6 +30,8 @@ const OFFSET_M: f64 = 0.02;
 const THICKNESS_M: f64 = 0.06;
 /// Cosine of the largest angle between a line's normal and that of a point on it: 20°.
 const SAME_DIRECTION: f64 = 0.94;
+/// Length of the cells along a line in which there is wall, or only strays, metres.
+const CELL_M: f64 = 0.1;
 /// Gap that ends a wall, metres: a door is wider.
 const GAP_M: f64 = 0.5;
 /// Length below which a piece is no wall, metres.
@@ -126,11 +129,18 @@ fn points(geometry: &Geometry) -> Vec<WallPoint> {
     points
 }
 
-/// Pieces of a line where points lie close enough along it.
+/// Pieces of a line where enough stands along it.
 fn pieces(mut points: Vec<WallPoint>, normal: Vector2<f64>) -> Vec<Wall> {
     let along = Vector2::new(-normal.y, normal.x);
-    points.sort_by(|a, b| along.dot(&a.place.coords).total_cmp(&along.dot(&b.place.coords)));
-    let follows = |a: &WallPoint, b: &WallPoint| along.dot(&(b.place - a.place)) <= GAP_M;
+    let share = |point: &WallPoint| along.dot(&point.place.coords);
+    let cell = |point: &WallPoint| (share(point) / CELL_M).floor() as i64;
+    let mut areas_m2: HashMap<i64, f64> = HashMap::new();
+    for point in &points {
+        *areas_m2.entry(cell(point)).or_default() += point.area_m2;
+    }
+    points.retain(|point| areas_m2[&cell(point)] >= 0.5 * CELL_M * LEAST_HEIGHT_M);
+    points.sort_by(|a, b| share(a).total_cmp(&share(b)));
+    let follows = |a: &WallPoint, b: &WallPoint| share(b) - share(a) <= GAP_M;
     points.chunk_by(follows).filter_map(fitted).collect()
 }
 

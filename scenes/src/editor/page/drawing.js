@@ -20,8 +20,10 @@ export class Drawing extends EventTarget {
   #ids = 0;
 
   load(drawing, walls) {
-    const ofKind = (type) => drawing[KINDS[type].list].map((item) => this.#numbered(fromPlain(type, item)));
-    this.items = LAYERS.flatMap(ofKind);
+    this.items = [];
+    for (const type of LAYERS) {
+      for (const item of drawing[KINDS[type].list]) this.items.push(this.#numbered(fromPlain(type, item)));
+    }
     this.walls = walls;
     this.#past = [];
     this.#future = [];

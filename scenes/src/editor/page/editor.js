@@ -162,9 +162,9 @@ async function saveNow(onConflict) {
     version = reply.version;
     drawing.markSaved(snapshot);
     // What others changed is shown, unless there is something new by now: the next save brings it.
-    const isShown = reply.merged && !drawing.isUnsaved;
+    const isShown = (reply.merged || reply.changed) && !drawing.isUnsaved;
     if (isShown) await load();
-    const saved = isShown ? "Saved, together with what was changed in the file meanwhile." : "Saved.";
+    const saved = isShown && reply.merged ? "Saved, together with what was changed in the file meanwhile." : "Saved.";
     if (reply.warnings.length > 0) return say(`${saved} ${reply.warnings.join("; ")}`, "warn");
     say(saved);
   } catch (error) {

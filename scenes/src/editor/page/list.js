@@ -3,6 +3,8 @@
 import { area, length } from "/geometry.js";
 import { KINDS, LAYERS, isNamed } from "/kinds.js";
 
+const COPY = `<svg class="icon" viewBox="0 0 14 14" aria-hidden="true"><rect x="1" y="1" width="8" height="8" rx="1.5"/>
+  <rect x="5" y="5" width="8" height="8" rx="1.5"/></svg>`;
 const DIRECTIONS = ["both", "entry", "exit"];
 
 export class List {
@@ -68,7 +70,7 @@ export class List {
     row.innerHTML = `<svg class="swatch ${type}" viewBox="0 0 14 14" aria-hidden="true"><rect x="1" y="1" width="12" height="12" rx="3"/></svg>
       ${isNamed(type) ? '<input maxlength="80" autocomplete="off" spellcheck="false">' : "<output></output>"}
       <span class="property"></span><output class="size"></output>
-      <button type="button" title="Duplicate (D)">⧉</button><button type="button" title="Remove">✕</button>`;
+      <button type="button" title="Duplicate (D)">${COPY}</button><button type="button" title="Remove">✕</button>`;
     const [swatch, name, property, size, double, remove] = row.children;
     swatch.firstElementChild.setAttribute("fill", color);
     swatch.firstElementChild.setAttribute("stroke", color);
@@ -82,7 +84,7 @@ export class List {
     double.addEventListener("click", () => this.focusName(this.drawing.duplicate(id).id));
     remove.addEventListener("click", () => this.drawing.remove(id));
     row.addEventListener("focusin", () => this.#select(id));
-    row.addEventListener("click", (event) => event.target !== remove && event.target !== double && this.#select(id));
+    row.addEventListener("click", (event) => !event.target.closest("button") && this.#select(id));
     const parts = { item: row, name, size, double, remove, show };
     this.#rows.set(id, parts);
     return parts;

@@ -97,8 +97,14 @@ impl Page {
         std::fs::write(std::path::Path::new(&folder).join(name), bytes).unwrap();
     }
 
-    /// Result of a command. An exception in the page's scripts ends the test.
+    /// Result of a command, which has to succeed. An exception in the page's scripts ends the test.
     fn command(&mut self, method: &str, parameters: &Value) -> Value {
+        let reply = self.reply(method, parameters);
+        reply.unwrap_or_else(|e| panic!("{method}: {e:#}"))
+    }
+
+    /// Result or error of a command.
+    fn reply(&mut self, method: &str, parameters: &Value) -> Result<Value, Value> {
         self.last_command += 1;
         let mut command = json!({ "id": self.last_command, "method": method, "params": parameters });
         if !self.session.is_empty() {
@@ -110,8 +116,10 @@ impl Page {
             let mut message: Value = serde_json::from_slice(&message).unwrap();
             assert!(message["method"] != "Runtime.exceptionThrown", "{message:#}");
             if message["id"] == self.last_command {
-                assert!(message.get("error").is_none(), "{method}: {message:#}");
-                return message["result"].take();
+                return match message.get_mut("error") {
+                    Some(error) => Err(error.take()),
+                    None => Ok(message["result"].take()),
+                };
             }
         }
     }
@@ -119,7 +127,13 @@ impl Page {
     /// Value of a JavaScript expression.
     pub(super) fn value(&mut self, expression: &str) -> Value {
         let asked = json!({ "expression": expression, "returnByValue": true });
-        let mut reply = self.command("Runtime.evaluate", &asked);
+        // A page that is loaded meanwhile is asked again.
+        let mut reply = loop {
+            match self.reply("Runtime.evaluate", &asked) {
+                Err(e) if e["message"].as_str().is_some_and(|line| line.contains("navigated")) => {}
+                reply => break reply.unwrap(),
+            }
+        };
         assert!(reply.get("exceptionDetails").is_none(), "{expression}: {reply:#}");
         reply["result"]["value"].take()
     }

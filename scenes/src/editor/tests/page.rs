@@ -349,8 +349,8 @@ fn what_is_drawn_in_a_cameras_image_in_a_chromium_is_on_the_floor_below() {
     editor.page.wait_until("document.querySelectorAll(\"[data-camera='down'] [data-corner]\").length === 4");
     // A corner, and then the whole by its edge. Both end where the pointer ended, however late the answers are.
     let corner = "[data-camera='down'] [data-corner='1']";
-    let from = editor.page.middle_of(corner);
     let to = editor.in_camera("down", C - 10.0, C + 70.0);
+    let from = editor.page.middle_of(corner);
     editor.page.drag(&[from, to]);
     editor.save("Saved.");
     let region = |editor: &EditorPage| editor.saved().regions[0].polygon.0.clone();
