@@ -9,9 +9,16 @@ import { List } from "/list.js";
 import { Numbers } from "/numbers.js";
 import { Plan } from "/plan.js";
 import { Latest, ask } from "/server.js";
+import { isCoarse } from "/shapes.js";
 
 const byId = (id) => document.getElementById(id);
-const HINTS = {
+const HINTS = isCoarse ? {
+  idle: "Drag an item or its corners; a dot on an edge makes a corner.",
+  empty: "Draw zones where people enter or leave the room, regions where they are counted, lines that they cross.",
+  closed: "Tap corners, on the plan or in a camera. The first corner or Done closes.",
+  open: "Tap points, on the plan or in a camera. Done ends the line. Across the arrow is in.",
+  measure: "Tap two places, on the plan or in a camera.",
+} : {
   idle: "Drag an item or its corners; a dot on an edge makes a corner, Delete removes one. N zone, R region, L line, F floor, M measure, D duplicates.",
   empty: "Draw zones where people enter or leave the room (N), regions where they are counted (R), lines that they cross (L).",
   closed: "Click corners, on the plan or in a camera. A double click, the first corner or Enter closes; Esc gives up. Alt: no snapping.",

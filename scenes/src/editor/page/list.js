@@ -57,7 +57,8 @@ export class List {
     if (document.activeElement !== row.name) row.name.value = shown;
     if (isNamed(item.type)) row.name.setCustomValidity(item.name.trim() ? "" : `A ${word} needs a name.`);
     row.show(item);
-    row.size.value = isClosed ? `${area(item.points).toFixed(2)} m²` : `${length(item.points).toFixed(2)} m`;
+    const size = isClosed ? area(item.points) : length(item.points);
+    row.size.value = `${size.toFixed(size < 99.995 ? 2 : 1)} ${isClosed ? "m²" : "m"}`;
     row.item.classList.toggle("selected", isSelected);
     row.name.setAttribute("aria-label", `Name of ${word} ${i + 1}`);
     row.double.setAttribute("aria-label", `Duplicate ${word} ${item.name || i + 1}`);

@@ -1,6 +1,7 @@
 //! The editor's page in a browser, driven as a person drives it.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -12,7 +13,8 @@ use crate::room::{Room, Zone, ZoneKind};
 
 /// The page of a room, with the mapping of its plan.
 struct EditorPage {
-    folder: TempDir,
+    _folder: TempDir,
+    dir: PathBuf,
     address: SocketAddr,
     page: Page,
     plan: Value,
@@ -22,18 +24,36 @@ impl EditorPage {
     /// Opens the page of the tests' room; `None` where there is no browser.
     fn open() -> Option<Self> {
         let folder = room();
-        let address = served(folder.path());
+        let dir = folder.path().to_owned();
+        Self::of_room(folder, dir)
+    }
+
+    /// Opens the page of the shipped office.
+    fn of_office() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let office = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/office/room");
+        // A name that the page can show.
+        let dir = folder.path().join("office");
+        std::fs::create_dir(&dir).unwrap();
+        for file in ["scene.toml", "room.ply"] {
+            std::fs::copy(std::path::Path::new(office).join(file), dir.join(file)).unwrap();
+        }
+        Self::of_room(folder, dir)
+    }
+
+    fn of_room(folder: TempDir, dir: PathBuf) -> Option<Self> {
+        let address = served(&dir);
         let mut page = Page::open(&format!("http://{address}/"))?;
         page.wait_until(LOADED);
-        Some(Self { plan: room_json(address)["plan"].clone(), folder, address, page })
+        Some(Self { plan: room_json(address)["plan"].clone(), _folder: folder, dir, address, page })
     }
 
     fn scene(&self) -> String {
-        scene_text(self.folder.path())
+        scene_text(&self.dir)
     }
 
     fn saved(&self) -> Room {
-        Room::read(self.folder.path()).unwrap()
+        Room::read(&self.dir).unwrap()
     }
 
     /// Place in the window of a place of the floor, metres.
@@ -107,6 +127,16 @@ impl EditorPage {
     fn wait_for_message(&mut self, said: &str) {
         let said = json!(said);
         self.page.wait_until(&format!("document.getElementById('message').textContent.includes({said})"));
+    }
+
+    /// Waits until every control and picture lies within the window's width.
+    fn nothing_is_off_screen(&mut self, width: u32) {
+        self.page.wait_until(&format!(
+            "innerWidth === {width} && document.documentElement.scrollWidth <= {width} \
+             && [...document.querySelectorAll('button, input, select, output, svg[id], svg[data-camera], figure')] \
+             .filter((e) => e.checkVisibility()).every((e) => {{ \
+             const {{ left, right }} = e.getBoundingClientRect(); return left >= 0 && right <= {width} + 0.5; }})"
+        ));
     }
 
     fn is(&mut self, condition: &str) -> bool {
@@ -279,7 +309,7 @@ fn what_others_change_meanwhile_is_merged_in_a_chromium_and_conflicts_are_told()
     let outside = |editor: &EditorPage, from: &str, to: &str| {
         let text = editor.scene();
         assert!(text.contains(from), "no {from} in {text}");
-        std::fs::write(editor.folder.path().join("scene.toml"), text.replace(from, to)).unwrap();
+        std::fs::write(editor.dir.join("scene.toml"), text.replace(from, to)).unwrap();
     };
     let set_kind = |editor: &mut EditorPage, kind: &str| {
         editor.page.value(&format!(
@@ -324,7 +354,7 @@ fn what_others_change_meanwhile_is_merged_in_a_chromium_and_conflicts_are_told()
     let mut room = editor.saved();
     let polygon = polygon(&[(2.0, 2.0), (3.0, 2.0), (3.0, 3.0)]);
     room.zones.push(Zone { name: "south".into(), polygon, kind: ZoneKind::Both });
-    room.write(editor.folder.path()).unwrap();
+    room.write(&editor.dir).unwrap();
     editor.page.value("location.reload()");
     editor.page.wait_until("document.querySelectorAll('#zones li').length === 2");
     assert_eq!(room_json(editor.address)["drawing"]["zones"][1]["name"], "south");
@@ -371,10 +401,7 @@ fn a_telephones_chromium_shows_all_and_draws_by_fingers() {
     editor.page.wait_until("innerWidth === 390 && matchMedia('(pointer: coarse)').matches");
     editor.page.wait_until(LOADED);
     // Nothing is off the screen: neither now, nor with numbers, nor with a message.
-    let nothing_is_off_screen = "document.documentElement.scrollWidth <= 390 \
-        && [...document.querySelectorAll('button, input, select, svg[id], svg[data-camera], figure')] \
-        .filter((e) => e.checkVisibility()).every((e) => { const r = e.getBoundingClientRect(); return r.left >= 0 && r.right <= 390.5; })";
-    editor.page.wait_until(nothing_is_off_screen);
+    editor.nothing_is_off_screen(390);
     editor.page.screenshot("telephone-1.png");
     let tap = |editor: &mut EditorPage, selector: &str| {
         editor.scroll_to(selector);
@@ -396,7 +423,7 @@ fn a_telephones_chromium_shows_all_and_draws_by_fingers() {
     editor.page.wait_until("document.querySelectorAll('#lines li').length === 1");
     editor.page.wait_until("document.activeElement.matches('#lines li > input')");
     editor.page.wait_until("document.querySelectorAll(\"[data-camera='down'] [data-corner]\").length === 2");
-    editor.page.wait_until(nothing_is_off_screen);
+    editor.nothing_is_off_screen(390);
     editor.scroll_to("#numbers");
     editor.page.screenshot("telephone-2.png");
     let to = editor.in_camera("down", C + 60.0, C + 80.0);
@@ -408,6 +435,29 @@ fn a_telephones_chromium_shows_all_and_draws_by_fingers() {
     editor.page.screenshot("telephone-3.png");
     tap(&mut editor, "#save");
     editor.wait_for_message("Saved.");
-    editor.page.wait_until(nothing_is_off_screen);
+    editor.nothing_is_off_screen(390);
     assert_near(&editor.saved().lines[0].points, &[(-1.4, -1.0), (1.2, -1.6)], 0.05);
+}
+
+/// The shipped office with something of each kind, in a window of a desk's width and in a narrow one.
+#[test]
+fn the_offices_page_in_a_chromium_fits_windows_of_every_width() {
+    let Some(mut editor) = EditorPage::of_office() else { return };
+    editor.begin("region");
+    editor.click_places(&[(3.05, 1.0), (4.7, 1.0), (4.7, 2.1), (3.05, 2.1)]);
+    editor.close_and_name("counter");
+    editor.begin("line");
+    editor.click_places(&[(1.2, 2.6), (1.2, 4.6)]);
+    editor.close_and_name("gate");
+    editor.save("Saved.");
+    for (width, height) in [(1100, 800), (820, 900), (390, 844)] {
+        editor.page.resize(width, height);
+        editor.nothing_is_off_screen(width);
+        let loaded = "[...document.querySelectorAll('.frame img')].every((image) => image.complete && image.naturalWidth > 0)";
+        editor.page.wait_until(loaded);
+        editor.page.value("document.activeElement.blur()");
+        editor.page.screenshot(&format!("office-{width}.png"));
+    }
+    let room = editor.saved();
+    assert_eq!((room.regions[0].name.as_str(), room.lines[0].name.as_str()), ("counter", "gate"));
 }
