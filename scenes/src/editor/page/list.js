@@ -104,7 +104,7 @@ export class List {
       };
     }
     if (type === "region") {
-      parent.innerHTML = '<label><input type="number" min="0" step="any" inputmode="decimal" placeholder="dwell"> s</label>';
+      parent.innerHTML = '<label><input type="number" min="0" step="any" inputmode="decimal" placeholder="–"> s</label>';
       const seconds = parent.querySelector("input");
       parent.title = "A stay longer than this is an event of its own";
       seconds.addEventListener("change", () => {
