@@ -55,8 +55,15 @@ pub fn read_text(path: &Path) -> Result<String> {
 /// # Errors
 /// [`Error::Io`], or [`Error::Content`] with the line and column.
 pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = read_text(path)?;
-    let parsed = toml::Deserializer::parse(&text).and_then(|whole| T::deserialize(ExactLength(whole)));
+    parse_toml(path, &read_text(path)?)
+}
+
+/// Parses the text of a TOML file, naming file, line and problem when it does not fit `T`.
+///
+/// # Errors
+/// [`Error::Content`] with the line and column.
+pub fn parse_toml<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
+    let parsed = toml::Deserializer::parse(text).and_then(|whole| T::deserialize(ExactLength(whole)));
     parsed.map_err(|e| {
         let place = e.span().map_or_else(
             || "whole file".to_owned(),

@@ -74,6 +74,15 @@ pub fn size(path: &Path) -> Result<(u32, u32)> {
     })
 }
 
+/// Tells whether a file holds its picture upright, so that its pixels need not be turned.
+///
+/// # Errors
+/// As [`read`].
+pub fn is_upright(path: &Path) -> Result<bool> {
+    let orientation = decoder(path)?.orientation().map_err(|e| undecodable(path, &e))?;
+    Ok(orientation == Orientation::NoTransforms)
+}
+
 /// Encodes a picture in the format that its file's name states.
 ///
 /// # Errors

@@ -23,11 +23,13 @@ pub enum Error {
         /// Problem, and what to do about it.
         problem: String,
     },
-    /// A file to be changed is no longer the version that the changes were based on.
-    #[error("{path}: it has changed on disk since it was loaded; load it again, then make the change again")]
-    Changed {
+    /// What was edited was changed in the file, too.
+    #[error("{path}: {conflicts}; load it again and make the change again, or save over it")]
+    Conflict {
         /// The file.
         path: PathBuf,
+        /// The parts that were changed on both sides.
+        conflicts: String,
     },
     /// A camera was asked for that the room does not have.
     #[error("no camera is called `{name}`; the room has {known}")]

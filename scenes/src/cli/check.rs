@@ -9,7 +9,7 @@ use scenes::depth::render;
 use scenes::geometry::Geometry;
 use scenes::raycast::RayScene;
 use scenes::room::{Room, RoomCamera, ZoneKind};
-use scenes::walkable::WalkableMap;
+use scenes::walkable::{WalkableMap, unreachable};
 
 /// Width in pixels of the depth map from which the visible share of the room is measured.
 const GLANCE_WIDTH_PX: u32 = 160;
@@ -47,10 +47,6 @@ impl Check {
             None => writeln!(out, "floor     people can stand anywhere")?,
         }
         for zone in &room.zones {
-            if !walkable.reaches_into(&zone.polygon) {
-                let problem = "nobody can stand in it; move it, or mend [floor]";
-                tracing::warn!("{}: zone `{}`: {problem}", self.room.display(), zone.name);
-            }
             let kind = match zone.kind {
                 ZoneKind::Entry => "people enter",
                 ZoneKind::Exit => "people leave",
@@ -61,33 +57,10 @@ impl Check {
         if room.zones.is_empty() {
             writeln!(out, "zone      none: people may appear and disappear anywhere")?;
         }
-        self.print_regions(out, &room, &walkable)
-    }
-
-    /// Prints regions and lines, and warns of those where nobody can be counted.
-    fn print_regions(&self, out: &mut impl Write, room: &Room, walkable: &WalkableMap) -> anyhow::Result<()> {
-        let warn = |place: &str, problem: &str| tracing::warn!("{}: {place}: {problem}", self.room.display());
-        for region in &room.regions {
-            if !walkable.reaches_into(&region.polygon) {
-                warn(
-                    &format!("region `{}`", region.name),
-                    "nobody can stand in it; move it, or mend [floor]",
-                );
-            }
-            let dwell = region
-                .dwell_s
-                .map_or(String::new(), |seconds| format!(", stays longer than {seconds} s are events"));
-            let area = region.polygon.area();
-            writeln!(out, "region    {}: {area:.2} m², people are counted and timed{dwell}", region.name)?;
+        for warning in unreachable(&room, &walkable) {
+            tracing::warn!("{}: {warning}", self.room.display());
         }
-        for line in &room.lines {
-            if !walkable.reaches_line(line.pieces()) {
-                warn(&format!("line `{}`", line.name), "nobody can cross it; move it, or mend [floor]");
-            }
-            let length_m: f64 = line.pieces().map(|(a, b)| (b - a).norm()).sum();
-            writeln!(out, "line      {}: {length_m:.2} m, from its left to its right is in", line.name)?;
-        }
-        Ok(())
+        print_regions(out, &room)
     }
 
     fn print_camera(
@@ -150,6 +123,22 @@ impl Check {
     fn warn(&self, camera: &str, problem: &str) {
         tracing::warn!("{}: camera `{camera}`: {problem}", self.room.display());
     }
+}
+
+/// Prints regions and lines.
+fn print_regions(out: &mut impl Write, room: &Room) -> anyhow::Result<()> {
+    for region in &room.regions {
+        let dwell = region
+            .dwell_s
+            .map_or(String::new(), |seconds| format!(", stays longer than {seconds} s are events"));
+        let area = region.polygon.area();
+        writeln!(out, "region    {}: {area:.2} m², people are counted and timed{dwell}", region.name)?;
+    }
+    for line in &room.lines {
+        let length_m: f64 = line.pieces().map(|(a, b)| (b - a).norm()).sum();
+        writeln!(out, "line      {}: {length_m:.2} m, from its left to its right is in", line.name)?;
+    }
+    Ok(())
 }
 
 /// Horizontal angle of view between the middles of the left and the right edge.

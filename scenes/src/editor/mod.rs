@@ -1,14 +1,13 @@
-//! The zone editor: a page in the browser on which a person draws zones on the floor plan, and which shows them in the
-//! image of every camera meanwhile.
+//! The room's editor: a page in the browser on which a person draws zones, regions, lines and the walkable floor on the
+//! floor plan or in the image of a camera, and which shows them in all others meanwhile.
 //!
-//! The page only draws. The server computes the outline of a zone in an image, with the lens's distortion and the
-//! furniture that hides it, and the floor point that a pixel shows, so that there is one camera model. From outside to
-//! inside:
+//! The page only draws. The server computes an outline in an image, with the lens's distortion and the furniture that
+//! hides it, and the floor point that a pixel shows, so that there is one camera model. From outside to inside:
 //!
 //! * [`server`] — [`Server`]: refuses foreign requests, and dispatches the page's; it listens by
 //!   [`shell::loopback`]. Start here.
 //! * [`session`] — the room that is edited: loading, queries, saving.
-//! * [`outline`] — an outline on the floor, as lines in an image.
+//! * [`walls`] — the room's walls, to which corners snap; [`outline`] — an outline on the floor, as lines in an image.
 //! * [`picture`] — the plan and the cameras' images; [`page`] — the page's own files.
 
 mod outline;
@@ -18,6 +17,7 @@ mod server;
 mod session;
 #[cfg(test)]
 mod tests;
+mod walls;
 
 pub use server::Server;
 pub use session::Session;

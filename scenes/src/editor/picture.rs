@@ -1,4 +1,4 @@
-//! Pictures on which zones are drawn: the floor plan, and an image for each camera.
+//! Pictures on which a person draws: the floor plan, and an image for each camera.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -7,7 +7,7 @@ use image::{ImageFormat, Rgb, RgbImage};
 
 use crate::plan::{FloorPlan, Mapping, PlanOptions};
 use crate::raycast::RayScene;
-use crate::room::{Room, RoomCamera, Zone};
+use crate::room::{Drawing, Room, RoomCamera};
 use crate::view::{View, ViewOptions};
 use crate::walkable::WalkableMap;
 use crate::{Error, Result};
@@ -33,11 +33,21 @@ pub(super) struct PlanPicture {
     pub mapping: Mapping,
 }
 
-/// Plan of a room without the zones, which the page draws, but with the floor that they cover.
-pub(super) fn plan(dir: &Path, room: &Room, zones: &[Zone], walkable: &WalkableMap) -> Result<PlanPicture> {
+/// Plan of a room without its drawing, which the page draws, but with the floor that it covers. The rim of the walkable
+/// floor is on it where that is derived.
+pub(super) fn plan(
+    dir: &Path,
+    room: &Room,
+    drawing: &Drawing,
+    walkable: &WalkableMap,
+) -> Result<PlanPicture> {
+    let polygons = drawing.zones.iter().map(|zone| &zone.polygon);
+    let polygons = polygons.chain(drawing.regions.iter().map(|region| &region.polygon)).chain(&drawing.floor);
+    let corners = polygons.flat_map(|polygon| &polygon.0);
+    let is_derived = drawing.floor.is_empty();
     let options = PlanOptions {
-        walkable: Some(walkable.clone()),
-        places: zones.iter().flat_map(|zone| zone.polygon.0.iter().copied()).collect(),
+        walkable: Some(if is_derived { walkable.clone() } else { WalkableMap::everywhere() }),
+        places: corners.chain(drawing.lines.iter().flat_map(|line| &line.points)).copied().collect(),
         room_dir: Some(dir.to_owned()),
         ..PlanOptions::default()
     };
@@ -73,16 +83,24 @@ pub(super) fn of_camera(
     png(&image)
 }
 
-/// Content of a file, if it is a picture that browsers show.
+/// Picture of a file, upright. `None` if it cannot be shown.
 fn reference(path: &Path) -> Option<Picture> {
     let bytes = std::fs::read(path).ok()?;
-    let media_type = match image::guess_format(&bytes).ok()? {
-        ImageFormat::Png => "image/png",
-        ImageFormat::Jpeg => "image/jpeg",
-        _ => return None,
-    };
-    calib::picture::decode(path, &bytes).ok()?;
-    Some(Picture { bytes, media_type })
+    let picture = calib::picture::read(path).ok()?;
+    match image::guess_format(&bytes) {
+        Ok(ImageFormat::Png) if calib::picture::is_upright(path).ok()? => {
+            Some(Picture { bytes, media_type: "image/png" })
+        }
+        Ok(ImageFormat::Jpeg) if calib::picture::is_upright(path).ok()? => {
+            Some(Picture { bytes, media_type: "image/jpeg" })
+        }
+        // Browsers differ in what they turn, and in the formats that they show.
+        _ => {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.into_rgb8().write_to(&mut bytes, ImageFormat::Jpeg).ok()?;
+            Some(Picture { bytes: bytes.into_inner(), media_type: "image/jpeg" })
+        }
+    }
 }
 
 fn png(image: &RgbImage) -> Result<Picture> {

@@ -1,4 +1,4 @@
-//! Server of the zone editor: one room, HTTP, on the loopback unless told otherwise.
+//! Server of the editor: one room, on the loopback unless told otherwise, and then with a token.
 //!
 //! A request that changes or queries something has to come as JSON, which a browser does not send across sites without
 //! a preflight request; that request is answered by 405.
@@ -16,9 +16,9 @@ use serde::de::DeserializeOwned;
 
 use super::page::FILES;
 use super::picture::Picture;
-use super::session::{OutlinesRequest, PlaceRequest, Session, ZonesRequest};
+use super::session::{OutlinesRequest, PlaceRequest, SaveRequest, Session};
 use crate::Error;
-use shell::loopback::{AccessToken, Answer, ListenError, Listener, PageFile};
+use shell::loopback::{Answer, Listener, PageFile, Protection};
 
 /// Largest body that is read.
 const MOST_BODY_BYTES: usize = 1 << 20;
@@ -26,7 +26,7 @@ const MOST_BODY_BYTES: usize = 1 << 20;
 const MOST_CORNERS: usize = 5000;
 const JSON: &str = "application/json";
 
-/// A zone editor that listens.
+/// An editor that listens.
 pub struct Server(Listener);
 
 impl Server {
@@ -34,20 +34,13 @@ impl Server {
     /// a random token, which [`link`](Self::link) carries.
     ///
     /// # Errors
-    /// [`Error::Listen`] when the address is not this machine's, or the port is in use or reserved.
-    pub fn bind(host: &str, port: u16) -> crate::Result<Self> {
-        let listener = Listener::bind(host, port, "--port")?;
-        if listener.address().ip().is_loopback() {
-            return Ok(Self(listener));
-        }
-        let token = AccessToken::random().map_err(|e| ListenError {
-            address: listener.address().to_string(),
-            problem: format!("there is no random token ({e}); leave out --host"),
-        })?;
-        Ok(Self(listener.with_token(token)))
+    /// [`Error::Listen`] when the address is not this machine's, or the port is in use or reserved, and for files of the
+    /// protection that cannot be used.
+    pub fn bind(host: &str, port: u16, protection: &Protection) -> crate::Result<Self> {
+        Ok(Self(Listener::bind(host, port, "--port")?.protected(protection)?))
     }
 
-    /// Address of the page for a person to open, with the token if there is one.
+    /// Address of the page, with the token if there is one, for a person to open.
     pub fn link(&self) -> String {
         self.0.link()
     }
@@ -107,9 +100,9 @@ fn routes(session: Arc<Session>) -> Router {
             }),
         )
         .route(
-            "/zones",
-            put(|State(session): SharedSession, JsonBody(asked): JsonBody<ZonesRequest>| {
-                on_worker(session, |s| Answer::json(&s.save(asked)?))
+            "/drawing",
+            put(|State(session): SharedSession, JsonBody(asked): JsonBody<SaveRequest>| {
+                on_worker(session, move |s| Answer::json(&s.save(&asked)?))
             }),
         )
         .with_state(session)
@@ -157,7 +150,7 @@ impl<T: DeserializeOwned, S: Sync> FromRequest<S> for JsonBody<T> {
 impl From<Error> for Answer {
     fn from(error: Error) -> Self {
         let status = match error {
-            Error::Changed { .. } => 409,
+            Error::Conflict { .. } => 409,
             Error::Room { .. } => 422,
             Error::UnknownCamera { .. } => 404,
             _ => 500,

@@ -9,14 +9,16 @@ use serde::{Deserialize, Serialize};
 
 use super::outline::{ImageOutline, OutlineDrawer};
 use super::picture::{self, Picture, PlanPicture};
+use super::walls::{self, Wall};
 use crate::Result;
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
-use crate::room::{Room, RoomCamera, SceneVersion, Zone, replace_zones};
+use crate::room::{Drawing, EditedDrawing, OnConflict, Room, RoomCamera, SceneVersion, save_drawing};
 use crate::visibility::{floor_under, is_hidden};
-use crate::walkable::WalkableMap;
+use crate::walkable::{self, unreachable};
 
-/// A room directory while its zones are edited. Several pages may show it; the first to save wins.
+/// A room directory while its drawing is edited. Several pages may show it, and other programs may change it: what each
+/// saves is merged with what the others did.
 pub struct Session {
     dir: PathBuf,
     state: Mutex<SessionState>,
@@ -25,18 +27,17 @@ pub struct Session {
 /// State that was last read or written.
 struct SessionState {
     version: SceneVersion,
-    zones: Vec<Zone>,
+    drawing: Drawing,
     editor_room: Arc<EditorRoom>,
 }
 
-/// The part of the room that zones are drawn on and do not change.
+/// The part of the room that is drawn on and does not change.
 pub(super) struct EditorRoom {
     dir: PathBuf,
-    /// The room without its zones.
+    /// The room without its drawing.
     room: Room,
     scene: Option<RayScene>,
-    /// Walkable map of the room, independent of the zones being drawn.
-    walkable: WalkableMap,
+    walls: Vec<Wall>,
     plan: PlanPicture,
     /// Pictures by camera, made at the first request.
     pictures: Mutex<HashMap<String, Arc<Picture>>>,
@@ -48,7 +49,10 @@ pub(super) struct RoomReply {
     name: String,
     version: SceneVersion,
     cameras: Vec<CameraReply>,
-    zones: Vec<Zone>,
+    drawing: Drawing,
+    /// Whether the walkable floor is derived from a geometry where it is not drawn.
+    has_geometry: bool,
+    walls: Vec<Wall>,
     plan: PlanReply,
 }
 
@@ -126,23 +130,29 @@ struct PixelReply {
     hidden: bool,
 }
 
-/// Zones to save, and the version of the file that they were made from.
+/// A drawing to save, and the one that it was made from.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ZonesRequest {
-    zones: Vec<Zone>,
-    version: SceneVersion,
+pub(super) struct SaveRequest {
+    base: Drawing,
+    edited: EditedDrawing,
+    #[serde(default)]
+    on_conflict: OnConflict,
 }
 
 /// Version now on disk, and warnings about it.
 #[derive(Serialize)]
-pub(super) struct ZonesReply {
+pub(super) struct SaveReply {
     version: SceneVersion,
+    /// Whether the drawing has changes of other programs besides.
+    merged: bool,
+    /// Whether other programs had changed the file, so that the page should load it.
+    changed: bool,
     warnings: Vec<String>,
 }
 
 impl Session {
-    /// Reads a room and prepares the pictures that zones are drawn on; they are kept in the room's cache.
+    /// Reads a room and prepares the pictures that it is drawn on; they are kept in the room's cache.
     ///
     /// # Errors
     /// As [`Room::read`]; [`crate::Error::Geometry`] when the geometry cannot be intersected.
@@ -156,7 +166,7 @@ impl Session {
         if SceneVersion::of(&self.dir)? != state.version {
             *state = SessionState::load(&self.dir)?;
         }
-        let EditorRoom { room, plan, .. } = &*state.editor_room;
+        let EditorRoom { room, plan, walls, .. } = &*state.editor_room;
         let camera =
             |(name, width, height): (&String, u32, u32)| CameraReply { name: name.clone(), width, height };
         let sizes =
@@ -165,7 +175,9 @@ impl Session {
             name: name_of(&self.dir),
             version: state.version.clone(),
             cameras: sizes.map(camera).collect(),
-            zones: state.zones.clone(),
+            drawing: state.drawing.clone(),
+            has_geometry: room.geometry.is_some(),
+            walls: walls.clone(),
             plan: PlanReply {
                 width: plan.width,
                 height: plan.height,
@@ -177,26 +189,32 @@ impl Session {
         })
     }
 
-    /// The part of the room that zones are drawn on.
+    /// The part of the room that is drawn on.
     pub(super) fn editor_room(&self) -> Arc<EditorRoom> {
         Arc::clone(&self.state().editor_room)
     }
 
-    /// Writes zones into the room's `scene.toml`.
+    /// Writes a drawing into the room's `scene.toml`.
     ///
     /// # Errors
-    /// As [`replace_zones`].
-    pub(super) fn save(&self, request: ZonesRequest) -> Result<ZonesReply> {
+    /// As [`save_drawing`]; as [`Self::open`] where other programs have changed the room.
+    pub(super) fn save(&self, request: &SaveRequest) -> Result<SaveReply> {
         // The lock is held until the file is written: pages save one after the other.
         let mut state = self.state();
-        let version = replace_zones(&self.dir, &request.zones, &request.version)?;
-        let off_limits = |zone: &&Zone| !state.editor_room.walkable.reaches_into(&zone.polygon);
-        let warning =
-            |zone: &Zone| format!("zone `{}`: nobody can stand in it; move it, or mend [floor]", zone.name);
-        let warnings = request.zones.iter().filter(off_limits).map(warning).collect();
-        state.version = version.clone();
-        state.zones = request.zones;
-        Ok(ZonesReply { version, warnings })
+        let version_before = SceneVersion::of(&self.dir)?;
+        let saved = save_drawing(&self.dir, &request.base, &request.edited, request.on_conflict)?;
+        let is_changed = version_before != state.version;
+        if is_changed {
+            *state = SessionState::load(&self.dir)?;
+        } else {
+            state.version = saved.version.clone();
+            state.drawing.clone_from(&saved.drawing);
+        }
+        // The same room and the same map as the tracker reads.
+        let mut room = state.editor_room.room.clone();
+        saved.drawing.put(&mut room);
+        let warnings = unreachable(&room, &walkable::cached(&self.dir, &room)?);
+        Ok(SaveReply { version: saved.version, merged: saved.is_merged, changed: is_changed, warnings })
     }
 
     fn state(&self) -> MutexGuard<'_, SessionState> {
@@ -213,16 +231,17 @@ fn name_of(dir: &Path) -> String {
 
 impl SessionState {
     fn load(dir: &Path) -> Result<Self> {
-        // The version is read first: a change between the two reads is then noticed when zones are saved.
+        // The version is read first: a change between the two reads is then noticed when a drawing is saved.
         let version = SceneVersion::of(dir)?;
         let mut room = Room::read(dir)?;
-        let zones = std::mem::take(&mut room.zones);
+        let walkable = walkable::cached(dir, &room)?;
+        let drawing = Drawing::take(&mut room);
         let scene = room.geometry.as_ref().map(RayScene::new).transpose()?;
-        let walkable = WalkableMap::of_room(&room)?;
-        let plan = picture::plan(dir, &room, &zones, &walkable)?;
+        let walls = room.geometry.as_ref().map(walls::walls).unwrap_or_default();
+        let plan = picture::plan(dir, &room, &drawing, &walkable)?;
         let (dir, pictures) = (dir.to_owned(), Mutex::default());
-        let editor_room = EditorRoom { dir, room, scene, walkable, plan, pictures };
-        Ok(Self { version, zones, editor_room: Arc::new(editor_room) })
+        let editor_room = EditorRoom { dir, room, scene, walls, plan, pictures };
+        Ok(Self { version, drawing, editor_room: Arc::new(editor_room) })
     }
 }
 

@@ -4,6 +4,7 @@ pub(crate) mod cloud;
 mod defect;
 mod normals;
 pub mod ply;
+pub(crate) mod sample;
 mod shape_hash;
 mod spacing;
 mod triangulate;

@@ -1,10 +1,10 @@
 //! The room: cameras, zones, regions, lines, floor and geometry, and the directory that holds them.
 
 mod drawing;
+mod edit;
 mod geo;
 mod marking;
 mod read;
-mod replace_zones;
 mod scene_file;
 #[cfg(test)]
 mod tests;
@@ -20,10 +20,10 @@ use crate::geometry::Geometry;
 use crate::polygon::Polygon;
 use crate::{Error, Result};
 
+pub use edit::{Drawing, Edited, EditedDrawing, OnConflict, SavedDrawing, SceneVersion, save_drawing};
 pub use geo::Geo;
 pub use marking::{Line, Region};
 pub use read::{Markings, files_of, read_markings};
-pub use replace_zones::{SceneVersion, replace_zones};
 
 /// Name of the file of a room directory that names all others.
 pub const SCENE_FILE: &str = "scene.toml";

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib::files::{read_text, read_toml};
+use calib::files::{parse_toml, read_text, read_toml};
 use serde::Deserialize;
 
 use super::scene_file::{FORMAT, SceneFile, Version};
@@ -20,32 +20,8 @@ impl Room {
     /// [`Error::Io`], [`Error::Content`] or [`Error::Calib`], naming the file, the place in it and the problem.
     pub fn read(dir: &Path) -> Result<Self> {
         let path = scene_file_in(dir)?;
-        if read_text(&path)?.trim().is_empty() {
-            return Err(Error::content(&path, "whole file", "the file is empty; write the room again"));
-        }
-        let Version { format } = read_toml(&path)?;
-        if format != FORMAT {
-            let problem = format!("format {format} is not known; this program reads format {FORMAT}");
-            return Err(Error::content(&path, "format", problem));
-        }
-        let file: SceneFile = read_toml(&path)?;
-
-        let mut room = Self {
-            zones: file.zone,
-            regions: file.region,
-            lines: file.line,
-            geo: file.geo,
-            walkable: file.floor.and_then(|floor| floor.walkable),
-            ..Self::default()
-        };
-        for (i, table) in file.camera.into_iter().enumerate() {
-            let place = camera_place(i, &table.name);
-            let camera = table
-                .camera()
-                .map_err(|(key, problem)| Error::content(&path, format!("{place}: {key}"), problem))?;
-            room.cameras.push(camera);
-        }
-        if let Some(geometry) = file.geometry {
+        let (mut room, geometry) = room_without_geometry(&path, &read_text(&path)?)?;
+        if let Some(geometry) = geometry {
             let ply_path = dir.join(&geometry);
             if !ply_path.is_file() {
                 let problem = format!(
@@ -94,6 +70,38 @@ pub fn files_of(dir: &Path) -> Vec<PathBuf> {
         named.geometry.into_iter().chain(named.camera.into_iter().filter_map(|camera| camera.reference))
     });
     [dir.to_owned(), path].into_iter().chain(more.map(|file| dir.join(file))).collect()
+}
+
+/// Room of a scene file's text without its geometry, whose file is named beside it. The room is not checked yet.
+///
+/// # Errors
+/// [`Error::Content`] or [`Error::Calib`], naming the file, the place in it and the problem.
+pub(super) fn room_without_geometry(path: &Path, text: &str) -> Result<(Room, Option<PathBuf>)> {
+    if text.trim().is_empty() {
+        return Err(Error::content(path, "whole file", "the file is empty; write the room again"));
+    }
+    let Version { format } = parse_toml(path, text)?;
+    if format != FORMAT {
+        let problem = format!("format {format} is not known; this program reads format {FORMAT}");
+        return Err(Error::content(path, "format", problem));
+    }
+    let file: SceneFile = parse_toml(path, text)?;
+    let mut room = Room {
+        zones: file.zone,
+        regions: file.region,
+        lines: file.line,
+        geo: file.geo,
+        walkable: file.floor.and_then(|floor| floor.walkable),
+        ..Room::default()
+    };
+    for (i, table) in file.camera.into_iter().enumerate() {
+        let place = camera_place(i, &table.name);
+        let camera = table
+            .camera()
+            .map_err(|(key, problem)| Error::content(path, format!("{place}: {key}"), problem))?;
+        room.cameras.push(camera);
+    }
+    Ok((room, file.geometry))
 }
 
 pub(super) fn scene_file_in(dir: &Path) -> Result<PathBuf> {

@@ -4,6 +4,7 @@ use shell::ranges::ROOM_M;
 
 use super::drawing::{name_defect, outline_defect};
 use super::{Room, RoomCamera, Zone, marking};
+use crate::polygon::Polygon;
 use crate::{Error, Result};
 
 impl Room {
@@ -46,7 +47,7 @@ impl Room {
             }
             for (i, polygon) in polygons.iter().enumerate() {
                 if let Some(problem) = polygon.defect() {
-                    return Some((format!("floor, walkable polygon {}", i + 1), problem));
+                    return Some((floor_place(i), problem));
                 }
             }
         }
@@ -64,16 +65,27 @@ impl Room {
     }
 }
 
-/// First defect of newly drawn zones: besides the checks of every room, names that are empty or doubled, and outlines
+/// First defect of the new ones of zones: besides the checks of every room, names that are empty or doubled, and outlines
 /// that cross themselves. Rooms on disk may have such zones; new ones may not.
-pub(super) fn drawn_zones_defect(zones: &[Zone]) -> Option<(String, String)> {
-    zones.iter().enumerate().find_map(|(i, zone)| {
+pub(super) fn drawn_zones_defect(zones: &[Zone], is_new: impl Fn(&Zone) -> bool) -> Option<(String, String)> {
+    zones.iter().enumerate().filter(|(_, zone)| is_new(zone)).find_map(|(i, zone)| {
         let problem = drawn_zone_defect(zone).or_else(|| {
-            let doubled = zones[..i].iter().any(|other| other.name == zone.name);
+            let is_double =
+                |(j, other): (usize, &Zone)| other.name == zone.name && (j < i || j > i && !is_new(other));
+            let doubled = zones.iter().enumerate().any(is_double);
             doubled.then(|| "another zone has the same name; rename one".into())
         })?;
         Some((zone_place(i, &zone.name), problem))
     })
+}
+
+/// First defect of the new ones of the walkable floor's polygons, which may not cross themselves either.
+pub(super) fn drawn_floor_defect(
+    floor: &[Polygon],
+    is_new: impl Fn(&Polygon) -> bool,
+) -> Option<(String, String)> {
+    let new = floor.iter().enumerate().filter(|(_, polygon)| is_new(polygon));
+    new.into_iter().find_map(|(i, polygon)| Some((floor_place(i), outline_defect(polygon)?)))
 }
 
 fn drawn_zone_defect(zone: &Zone) -> Option<String> {
@@ -83,6 +95,11 @@ fn drawn_zone_defect(zone: &Zone) -> Option<String> {
 /// Name of a zone in messages: its place in the list, and its name.
 pub(super) fn zone_place(index: usize, name: &str) -> String {
     format!("zone {} (`{name}`)", index + 1)
+}
+
+/// Name of a polygon of the walkable floor in messages.
+fn floor_place(index: usize) -> String {
+    format!("floor, walkable polygon {}", index + 1)
 }
 
 /// Name of a camera in messages: its place in the file, and its name.

@@ -12,6 +12,7 @@ mod obstacles;
 mod survey;
 #[cfg(test)]
 mod tests;
+mod warnings;
 
 use nalgebra::Point2;
 
@@ -21,6 +22,7 @@ use crate::room::Room;
 
 pub use cached::cached;
 pub use grid::Grid;
+pub use warnings::unreachable;
 
 /// Options of the derivation of a walkable map from geometry.
 #[derive(Debug, Clone, PartialEq)]

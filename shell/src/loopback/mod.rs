@@ -8,6 +8,7 @@
 //! * [`access`] — [`AccessToken`]: the token of a server that other machines can reach, and its certificate.
 //! * [`connections`] — the limit of the connections, and the deadlines of their requests.
 //! * [`authority`] — host and port of `Host` and `Origin`, compared exactly.
+//! * [`protection`] — [`Protection`]: both, as a command's options name them.
 //! * [`answer`] — [`Answer`]: the answers, with the headers that all of them carry.
 //! * [`page_file`] — [`PageFile`]: a page's own files, compiled into the program, so that pages work without a network;
 //!   and the colours that all pages share.
@@ -18,8 +19,10 @@ mod authority;
 mod connections;
 mod listener;
 mod page_file;
+mod protection;
 
 pub use access::AccessToken;
 pub use answer::Answer;
 pub use listener::{ListenError, Listener};
 pub use page_file::PageFile;
+pub use protection::Protection;

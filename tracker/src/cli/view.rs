@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
 use clap::Args;
 use scenes::room::Room;
-use shell::loopback::{AccessToken, Listener};
+use shell::loopback::{Listener, Protection};
 use tracker::prepared_room::PreparedRoom;
 use tracker::view::{RoomPage, Screens, Server};
 
@@ -41,30 +40,10 @@ impl ViewArguments {
         if !self.view {
             return Ok(None);
         }
-        let mut listener = Server::bind(&self.view_host, self.view_port, "--view-port")?;
-        if let Some(token) = self.token(!listener.address().ip().is_loopback())? {
-            listener = listener.with_token(token);
-        }
-        if let (Some(certificate), Some(key)) = (&self.view_cert, &self.view_key) {
-            listener = listener.with_tls(certificate, key)?;
-        }
-        Ok(Some(listener))
-    }
-
-    /// The token of the file, or a random one where one is needed.
-    fn token(&self, is_needed: bool) -> anyhow::Result<Option<AccessToken>> {
-        match &self.view_token_file {
-            Some(file) => {
-                let text = calib::files::read_text(file)?;
-                let first = text.lines().next().unwrap_or_default().trim();
-                match AccessToken::chosen(first) {
-                    Ok(token) => Ok(Some(token)),
-                    Err(problem) => bail!("{}: line 1: {problem}", file.display()),
-                }
-            }
-            None if is_needed => Ok(Some(AccessToken::random().context("--view-host: a random token")?)),
-            None => Ok(None),
-        }
+        let listener = Server::bind(&self.view_host, self.view_port, "--view-port")?;
+        let certificate_and_key = self.view_cert.clone().zip(self.view_key.clone());
+        let protection = Protection { token_file: self.view_token_file.clone(), certificate_and_key };
+        Ok(Some(listener.protected(&protection)?))
     }
 }
 

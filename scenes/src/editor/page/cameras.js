@@ -1,16 +1,23 @@
-// The cameras' images with what the server says of each zone's outline. Corners can be set and moved here, too.
+// The cameras' images with what the server says of each item's outline. Items are drawn and moved here, too.
 
-import { classes, pointOf, points, shape, unitOf } from "/shapes.js";
+import { snapped } from "/geometry.js";
+import { kindOf } from "/kinds.js";
+import { DoublePress, classes, isCoarse, pointOf, points, shape, unitOf } from "/shapes.js";
 
-const HANDLE_PX = 5.5; // on the screen
+const HANDLE_PX = isCoarse ? 9 : 5.5; // on the screen
+const STILL_PX = isCoarse ? 8 : 3; // a press that moves less is a click
+const SNAP_M = 0.1; // on the floor: a pixel far away is wide
 
 export class Cameras {
   #frames = new Map();
   #drag = null;
+  #tap = null;
+  #presses = new DoublePress();
 
-  // `look` asks which place of the floor a pixel shows, and does with it what it is told to; `leave` ends that.
-  constructor(container, drawing, { look, leave, add, settle, finish }) {
-    Object.assign(this, { container, drawing, look, leave, add, settle, finish });
+  // `look` asks which place of the floor a pixel shows, and uses what it is told, unless a later question comes first;
+  // `place` waits for it. `add` sets a corner of the draft, `leave` ends pointing.
+  constructor(container, drawing, { look, place, leave, add, finish, later }) {
+    Object.assign(this, { container, drawing, look, place, leave, add, finish, later });
   }
 
   load(cameras, version) {
@@ -18,12 +25,12 @@ export class Cameras {
     this.container.replaceChildren(...cameras.map((camera) => this.#figure(camera, version)));
   }
 
-  // What the server says of the given zones (the draft is the last of them).
-  show(reply, zones) {
+  // What the server says of the given items (the draft is the last of them).
+  show(reply, items) {
     for (const { camera, outlines } of reply) {
       const frame = this.#frames.get(camera);
       if (!frame) continue;
-      frame.shapes = () => outlines.flatMap((outline, i) => this.#outline(frame, outline, zones[i]));
+      frame.shapes = () => outlines.flatMap((outline, i) => this.#outline(frame, outline, items[i]));
       this.#redraw(frame);
     }
   }
@@ -67,76 +74,121 @@ export class Cameras {
     svg.addEventListener("pointerdown", (event) => this.#press(event, frame));
     svg.addEventListener("pointermove", (event) => this.#move(event, frame));
     svg.addEventListener("pointerup", (event) => this.#release(event, frame));
-    svg.addEventListener("dblclick", () => this.drawing.draft && this.finish());
-    svg.addEventListener("pointercancel", () => { this.#drag = null; });
+    svg.addEventListener("pointercancel", () => { this.#drag = this.#tap = null; });
     svg.addEventListener("pointerleave", () => this.leave());
+    // A finger moves an item that it is put on, and scrolls the page elsewhere.
+    svg.addEventListener("touchstart", (event) => {
+      if (!this.drawing.draft && event.target.dataset.item !== undefined) event.preventDefault();
+    }, { passive: false });
     return figure;
   }
 
   #press(event, { name, svg }) {
     const pixel = pointOf(svg, event);
     if (event.button !== 0 || !pixel) return;
-    // Keys go to the zones from here on, not to a name that was being typed.
+    // Keys go to the items from here on, not to a name that was being typed.
     document.activeElement?.blur();
+    this.#drag = this.#tap = null;
     if (this.drawing.draft) {
       event.preventDefault();
-      if (event.target.dataset.first !== undefined && this.drawing.draft.corners.length >= 3) return this.finish();
-      // The second click of a double click sets no corner.
-      return event.detail > 1 ? undefined : this.add(name, pixel);
+      const { type, corners } = this.drawing.draft;
+      const isClosing = event.target.dataset.first !== undefined && kindOf(type).isClosed && corners.length >= 3;
+      // Set when it is let go: a finger that scrolls sets none.
+      this.#tap = { start: [event.clientX, event.clientY], ends: this.#presses.isSecond(event) || isClosing };
+      return;
     }
-    const { zone, corner } = event.target.dataset;
-    if (corner === undefined) return;
-    this.#drag = { id: Number(zone), corner: Number(corner), moves: false };
-    this.drawing.select(this.#drag.id, this.#drag.corner);
+    const { item, corner } = event.target.dataset;
+    if (item === undefined) return;
+    const id = Number(item);
+    const index = corner === undefined ? null : Number(corner);
+    const start = [event.clientX, event.clientY];
+    this.#drag = { id, corner: index, start, moves: false, points: structuredClone(this.drawing.item(id).points) };
+    if (index === null) this.#drag.from = this.place(name, pixel);
+    this.drawing.select(id, index);
     svg.setPointerCapture(event.pointerId);
     event.preventDefault();
-  }
-
-  #release(event, { name, svg }) {
-    const [drag, pixel] = [this.#drag, pointOf(svg, event)];
-    this.#drag = null;
-    // Answers about earlier places of the drag may still be on their way, and are not used.
-    if (drag?.moves && pixel) this.settle(name, pixel, drag);
   }
 
   #move(event, { name, svg }) {
     const pixel = pointOf(svg, event);
     if (!pixel) return;
     const drag = this.#drag;
-    this.look(name, pixel, (floor) => {
-      if (!drag || drag !== this.#drag || !floor) return;
-      if (!drag.moves) this.drawing.remember();
-      drag.moves = true;
-      this.drawing.moveCorner(drag.id, drag.corner, floor);
+    if (drag) this.#begins(drag, event);
+    this.look(name, pixel, async (floor) => {
+      if (!drag?.moves || !floor) return;
+      const from = await drag.from;
+      if (drag === this.#drag) this.#drop(drag, from, floor, event.altKey);
     });
   }
 
-  #outline({ svg, width, height }, { corners, visible, hidden }, zone) {
-    if (!zone) return [];
+  // Whether a drag has left the place where it was pressed. The way back is remembered as it does.
+  #begins(drag, { clientX, clientY }) {
+    if (!drag.moves && Math.hypot(clientX - drag.start[0], clientY - drag.start[1]) >= STILL_PX) {
+      drag.moves = true;
+      this.drawing.remember();
+    }
+    return drag.moves;
+  }
+
+  #release(event, { name, svg }) {
+    const [drag, tap, pixel] = [this.#drag, this.#tap, pointOf(svg, event)];
+    this.#drag = this.#tap = null;
+    if (tap && this.drawing.draft) {
+      const [dx, dy] = [event.clientX - tap.start[0], event.clientY - tap.start[1]];
+      if (tap.ends) return this.finish();
+      if (pixel && Math.hypot(dx, dy) < Math.max(STILL_PX, 6)) this.add(name, pixel, event.altKey);
+      return;
+    }
+    if (!drag || !pixel || !this.#begins(drag, event)) return;
+    // Answers about earlier places of the drag may still be on their way, and are not used.
+    this.later(async () => {
+      const [from, floor] = await Promise.all([drag.from, this.place(name, pixel)]);
+      if (floor) this.#drop(drag, from, floor, event.altKey);
+    });
+  }
+
+  // Moves what is dragged to a place of the floor.
+  #drop({ id, corner, points: before }, from, floor, isFree) {
+    const { drawing } = this;
+    const item = drawing.item(id);
+    if (!item || item.points.length !== before.length) return;
+    if (corner !== null) {
+      drawing.moveCorner(id, corner, isFree ? floor : snapped(floor, SNAP_M, drawing.targets(id)));
+    } else if (from) {
+      drawing.moveBy(id, before, [floor[0] - from[0], floor[1] - from[1]]);
+    }
+  }
+
+  #outline({ svg, width, height }, { corners, visible, hidden }, item) {
+    if (!item) return [];
     const unit = unitOf(svg);
+    const { id, name, color, selected, type } = item;
     const lines = (all, kind, behind) => all.map((line) => shape("polyline", {
-      class: classes({ [kind]: true, behind, selected: zone.selected }),
+      class: classes({ [kind]: true, behind, selected, [type]: true }),
       points: points(line),
-      stroke: kind === "line" ? zone.color : null,
-      "data-outline": zone.name,
+      stroke: kind === "stroke" ? color : null,
+      "data-outline": kind === "stroke" ? name : null,
+      "data-item": kind === "grip" ? id : null,
     }));
     const shapes = [
       ...lines(hidden, "casing", true), ...lines(visible, "casing", false),
-      ...lines(hidden, "line", true), ...lines(visible, "line", false),
+      ...lines(hidden, "stroke", true), ...lines(visible, "stroke", false),
     ];
+    if (id !== null) shapes.push(...lines(hidden.concat(visible), "grip", false));
+    if (item.isArrow) return shapes;
     const isInside = (p) => p && p[0] >= 0 && p[1] >= 0 && p[0] < width && p[1] < height;
     const inside = corners.filter(isInside);
-    if (inside.length > 0 && zone.id !== null) {
+    if (inside.length > 0 && name) {
       // Where the corners are that are seen; a whole name in any case.
       const [u, v] = [0, 1].map((axis) => inside.reduce((sum, p) => sum + p[axis], 0) / inside.length);
-      const [rimX, rimY] = [Math.min(zone.name.length * 4 * unit, width / 2), 10 * unit];
+      const [rimX, rimY] = [Math.min(name.length * 4 * unit, width / 2), 10 * unit];
       const [x, y] = [Math.min(Math.max(u, rimX), width - rimX), Math.min(Math.max(v, rimY), height - rimY)];
-      shapes.push(shape("text", { x, y, "font-size": 12.5 * unit, "stroke-width": 3 * unit, fill: zone.color }, zone.name));
+      shapes.push(shape("text", { x, y, "font-size": 12.5 * unit, "stroke-width": 3 * unit, fill: color }, name));
     }
-    if (zone.selected || zone.id === null) {
+    if (selected) {
       corners.forEach((p, i) => p && shapes.push(shape("circle", {
-        class: "corner", cx: p[0], cy: p[1], r: HANDLE_PX * unit, stroke: zone.color,
-        "data-zone": zone.id ?? undefined, "data-corner": zone.id === null ? undefined : i, "data-first": zone.id === null && i === 0 ? "" : undefined,
+        class: "corner", cx: p[0], cy: p[1], r: HANDLE_PX * unit, stroke: color,
+        "data-item": id, "data-corner": id === null ? null : i, "data-first": id === null && i === 0 ? "" : null,
       })));
     }
     return shapes;

@@ -1,77 +1,82 @@
-// What is being drawn: the zones, which one is selected, the one that is not closed yet, and the way back and forth.
-// Places are metres on the floor, [x, y]. Whoever shows something listens to `change`; `edit` is told when the
-// zones themselves are about to change.
+// What is being drawn: the things on the floor, which one is selected, the one that is not closed yet, and the way back
+// and forth. Places are metres on the floor, [x, y]. Whoever shows something listens to `change`; `edit` is told when
+// the things themselves are about to change.
 
-const COLORS = ["#00868b", "#c2500a", "#6f4bb8", "#1f6fc4", "#b0246b", "#4d7c0f"];
+import { edges, rounded } from "/geometry.js";
+import { KINDS, LAYERS, fromPlain, isNamed, kindOf, plain } from "/kinds.js";
+
 const MOST_STEPS_BACK = 200;
-const DUPLICATE_M = 0.3; // from a zone to its copy
-
-// To the millimetre: finer than anybody draws.
-export const rounded = ([x, y]) => [Math.round(x * 1000) / 1000, Math.round(y * 1000) / 1000];
-
-export const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
-
-export function area(polygon) {
-  const twice = polygon.reduce((sum, [x, y], i) => {
-    const [u, v] = polygon[(i + 1) % polygon.length];
-    return sum + x * v - u * y;
-  }, 0);
-  return Math.abs(twice) / 2;
-}
-
-const turn = (a, b, c) => Math.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
-
-// Whether two edges of an outline cross that are no neighbours, as in a bow tie.
-export function crosses(polygon) {
-  const edges = polygon.map((p, i) => [p, polygon[(i + 1) % polygon.length]]);
-  const meet = ([a, b], [c, d]) => turn(a, b, c) * turn(a, b, d) < 0 && turn(c, d, a) * turn(c, d, b) < 0;
-  return edges.some((edge, i) => edges.slice(i + 2).some((other) => meet(edge, other)));
-}
+const DUPLICATE_M = 0.3; // from a thing to its copy
 
 export class Drawing extends EventTarget {
-  zones = [];
-  selected = null; // a zone's id
-  corner = null; // of the selected zone
-  draft = null; // { corners, cursor }
+  items = []; // { id, type, name, points, color, and its kind's properties }
+  walls = []; // [from, to], to snap to
+  selected = null; // an item's id
+  corner = null; // of the selected item
+  draft = null; // { type, corners, cursor }; its type may be "measure"
   #past = [];
   #future = [];
-  #saved = "[]";
+  #saved = { ids: [], plain: {} }; // as it was loaded or last saved
   #ids = 0;
 
-  load(zones) {
-    this.zones = zones.map((zone) => this.#numbered(zone));
+  load(drawing, walls) {
+    this.items = [];
+    for (const type of LAYERS) {
+      for (const item of drawing[KINDS[type].list]) this.items.push(this.#numbered(fromPlain(type, item)));
+    }
+    this.walls = walls;
     this.#past = [];
     this.#future = [];
     this.draft = null;
     this.select(null);
-    this.markSaved(this.plain());
+    this.markSaved(this.snapshot());
   }
 
-  #numbered(zone) {
-    const id = this.#ids++;
-    return { ...zone, id, color: COLORS[id % COLORS.length] };
+  #numbered(item) {
+    const { colors } = KINDS[item.type];
+    const color = colors[this.ofType(item.type).length % colors.length];
+    return { ...item, id: this.#ids++, color };
   }
 
-  // As files and the server have them.
-  plain() {
-    return this.zones.map(({ name, polygon, kind }) => ({ name, polygon, kind }));
+  ofType(type) {
+    return this.items.filter((item) => item.type === type);
   }
 
-  markSaved(plain) {
-    this.#saved = JSON.stringify(plain);
+  // As files have it, and which item is where in it.
+  snapshot() {
+    const each = (use) => Object.fromEntries(LAYERS.map((type) => [KINDS[type].list, this.ofType(type).map(use)]));
+    return { plain: each(plain), ids: each(({ id }) => id) };
+  }
+
+  // The question to the server that saves a snapshot.
+  savingOf(snapshot) {
+    const edited = { ...snapshot.plain };
+    for (const type of LAYERS.filter(isNamed)) {
+      const { list } = KINDS[type];
+      const origin = (id) => this.#saved.ids[list].indexOf(id);
+      edited[list] = snapshot.plain[list].map((item, i) => {
+        const index = origin(snapshot.ids[list][i]);
+        return { item, origin: index < 0 ? null : index };
+      });
+    }
+    return { base: this.#saved.plain, edited };
+  }
+
+  markSaved(snapshot) {
+    this.#saved = structuredClone(snapshot);
     this.changed();
   }
 
   get isUnsaved() {
-    return JSON.stringify(this.plain()) !== this.#saved;
+    return JSON.stringify(this.snapshot().plain) !== JSON.stringify(this.#saved.plain);
   }
 
   changed() {
     this.dispatchEvent(new Event("change"));
   }
 
-  zone(id) {
-    return this.zones.find((zone) => zone.id === id);
+  item(id) {
+    return this.items.find((item) => item.id === id);
   }
 
   select(id, corner = null) {
@@ -80,49 +85,59 @@ export class Drawing extends EventTarget {
     this.changed();
   }
 
+  // What the corners of an item, or of a draft, can snap to: those of all others, and the walls.
+  targets(own = null) {
+    const others = this.items.filter(({ id }) => id !== own);
+    const lines = others.flatMap(({ points, type }) => edges(points, KINDS[type].isClosed));
+    return { corners: others.flatMap(({ points }) => points).concat(this.walls.flat()), edges: lines.concat(this.walls) };
+  }
+
   // Before a change that can be undone; several moves of one drag are one change.
   remember() {
-    this.#past.push(structuredClone(this.zones));
+    this.#past.push(structuredClone(this.items));
     this.#past.splice(0, this.#past.length - MOST_STEPS_BACK);
     this.#future = [];
     this.dispatchEvent(new Event("edit"));
   }
 
   get canUndo() {
-    return this.#past.length > 0;
+    return this.draft ? this.draft.corners.length > 0 : this.#past.length > 0;
   }
 
   get canRedo() {
-    return this.#future.length > 0;
+    return this.draft === null && this.#future.length > 0;
   }
 
+  // Takes back the last change; of what is being drawn the last corner.
   undo() {
-    this.#step(this.#past, this.#future);
+    if (!this.draft) return this.#step(this.#past, this.#future);
+    this.draft.corners.pop();
+    this.changed();
   }
 
   redo() {
-    this.#step(this.#future, this.#past);
+    if (!this.draft) this.#step(this.#future, this.#past);
   }
 
   #step(from, to) {
     if (from.length === 0) return;
-    to.push(structuredClone(this.zones));
-    this.zones = from.pop();
+    to.push(structuredClone(this.items));
+    this.items = from.pop();
     this.dispatchEvent(new Event("edit"));
-    if (!this.zone(this.selected)) this.selected = null;
+    if (!this.item(this.selected)) this.selected = null;
     this.corner = null;
     this.changed();
   }
 
   set(id, values) {
     this.remember();
-    Object.assign(this.zone(id), values);
+    Object.assign(this.item(id), values);
     this.changed();
   }
 
   remove(id) {
     this.remember();
-    this.zones = this.zones.filter((zone) => zone.id !== id);
+    this.items = this.items.filter((item) => item.id !== id);
     if (this.selected === id) this.select(null);
     this.changed();
   }
@@ -130,36 +145,51 @@ export class Drawing extends EventTarget {
   // A copy beside the original, selected.
   duplicate(id) {
     this.remember();
-    const { polygon, kind } = this.zone(id);
-    const moved = polygon.map(([x, y]) => rounded([x + DUPLICATE_M, y - DUPLICATE_M]));
-    const zone = this.#numbered({ name: this.#freeName(), kind, polygon: moved });
-    this.zones.push(zone);
-    this.select(zone.id);
-    return zone;
+    const { id: _, color: __, ...values } = structuredClone(this.item(id));
+    const points = values.points.map(([x, y]) => rounded([x + DUPLICATE_M, y - DUPLICATE_M]));
+    return this.#add({ ...values, points, name: this.#freeName(values.type) });
+  }
+
+  #add(values) {
+    const item = this.#numbered(values);
+    this.items.push(item);
+    this.select(item.id);
+    return item;
   }
 
   moveCorner(id, index, place) {
-    this.zone(id).polygon[index] = rounded(place);
+    this.item(id).points[index] = rounded(place);
+    this.changed();
+  }
+
+  // All corners, from where they were.
+  moveBy(id, points, [x, y]) {
+    this.item(id).points = points.map((p) => rounded([p[0] + x, p[1] + y]));
     this.changed();
   }
 
   insertCorner(id, index, place) {
     this.remember();
-    this.zone(id).polygon.splice(index, 0, rounded(place));
+    this.item(id).points.splice(index, 0, rounded(place));
     this.select(id, index);
+  }
+
+  canRemoveCorner(id) {
+    const { points, type } = this.item(id);
+    return points.length > KINDS[type].least;
   }
 
   // False where too few corners would be left.
   removeCorner(id, index) {
-    if (this.zone(id).polygon.length <= 3) return false;
+    if (!this.canRemoveCorner(id)) return false;
     this.remember();
-    this.zone(id).polygon.splice(index, 1);
+    this.item(id).points.splice(index, 1);
     this.select(id);
     return true;
   }
 
-  begin(cursor = null) {
-    this.draft = { corners: [], cursor };
+  begin(type) {
+    this.draft = { type, corners: [], cursor: null };
     this.select(null);
   }
 
@@ -169,26 +199,28 @@ export class Drawing extends EventTarget {
   }
 
   addCorner(place) {
-    this.draft.corners.push(rounded(place));
+    const { draft } = this;
+    // A third click with the ruler begins anew.
+    if (draft.type === "measure" && draft.corners.length === 2) draft.corners = [];
+    draft.corners.push(rounded(place));
     this.changed();
   }
 
-  // The new zone, or nothing while there are too few corners.
+  // The new item, or nothing while there are too few corners.
   finish() {
-    const { corners } = this.draft;
-    if (corners.length < 3) return null;
+    const { type, corners } = this.draft;
+    if (corners.length < kindOf(type).least) return null;
     this.remember();
-    const zone = this.#numbered({ name: this.#freeName(), kind: "both", polygon: corners });
-    this.zones.push(zone);
     this.draft = null;
-    this.select(zone.id);
-    return zone;
+    return this.#add({ type, name: this.#freeName(type), points: corners, ...KINDS[type].properties });
   }
 
-  #freeName() {
-    const names = new Set(this.zones.map((zone) => zone.name));
+  // Files want names of their own for all zones, regions and lines together.
+  #freeName(type) {
+    if (!isNamed(type)) return "";
+    const names = new Set(this.items.map(({ name }) => name));
     let number = 1;
-    while (names.has(`zone ${number}`)) number += 1;
-    return `zone ${number}`;
+    while (names.has(`${KINDS[type].word} ${number}`)) number += 1;
+    return `${KINDS[type].word} ${number}`;
   }
 }

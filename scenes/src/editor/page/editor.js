@@ -1,29 +1,45 @@
-// The zone editor's page. The server does all geometry (outlines in the cameras, places under pixels); here is what
-// binds its parts together: loading, saving, keys, and the line that says how things stand.
+// The editor's page. The server does all geometry of cameras (outlines in images, places under pixels); here is what
+// binds the page's parts together: loading, saving, keys, and the line that says how things stand.
 
 import { Cameras } from "/cameras.js";
-import { Drawing, crosses, distance } from "/drawing.js";
+import { Drawing } from "/drawing.js";
+import { arrow, crosses, distance, snapped } from "/geometry.js";
+import { KINDS, LAYERS, RULER, kindOf } from "/kinds.js";
 import { List } from "/list.js";
+import { Numbers } from "/numbers.js";
 import { Plan } from "/plan.js";
 import { Latest, ask } from "/server.js";
+import { isCoarse } from "/shapes.js";
 
 const byId = (id) => document.getElementById(id);
-const HINTS = {
-  idle: "Drag a zone or its corners; a dot on an edge makes a corner, Delete removes one. N draws a zone, D doubles it.",
-  empty: "Draw a zone where people enter or leave the room: button above, or N.",
-  draft: "Click corners, on the plan or in a camera. A double click, the first corner or Enter closes; Esc gives up. Alt: no snapping.",
+const HINTS = isCoarse ? {
+  idle: "Drag an item or its corners; a dot on an edge makes a corner.",
+  empty: "Draw zones where people enter or leave the room, regions where they are counted, lines that they cross.",
+  closed: "Tap corners, on the plan or in a camera. The first corner or Done closes.",
+  open: "Tap points, on the plan or in a camera. Done ends the line. Across the arrow is in.",
+  measure: "Tap two places, on the plan or in a camera.",
+} : {
+  idle: "Drag an item or its corners; a dot on an edge makes a corner, Delete removes one. N zone, R region, L line, F floor, M measure, D duplicates.",
+  empty: "Draw zones where people enter or leave the room (N), regions where they are counted (R), lines that they cross (L).",
+  closed: "Click corners, on the plan or in a camera. A double click, the first corner or Enter closes; Esc gives up. Alt: no snapping.",
+  open: "Click points, on the plan or in a camera. A double click or Enter ends the line; Esc gives up. Across the arrow is in. Alt: no snapping.",
+  measure: "Click two places, on the plan or in a camera. Esc ends measuring.",
 };
-const DRAFT = { id: null, name: "", selected: true };
+const CAMERA_SNAP_M = 0.1;
+const KEYS = Object.fromEntries(Object.entries({ ...KINDS, measure: RULER }).map(([type, { key }]) => [key, type]));
 
 const drawing = new Drawing();
-const list = new List(byId("zones"), byId("none"), drawing);
+const list = new List(byId("items"), drawing);
+new Numbers(byId("numbers"), drawing);
 const fail = (error) => say(error.message, "wrong");
-const plan = new Plan(byId("plan"), drawing, { finish, hover, say });
-const cameras = new Cameras(byId("cameras"), drawing, { look, leave: () => hover(null), add, settle, finish });
+const plan = new Plan(byId("plan"), drawing, { finish, hover });
+const cameras = new Cameras(byId("cameras"), drawing, { look, place, leave: () => hover(null), add, finish, later });
+const drawButtons = [...document.querySelectorAll("[data-draw]")];
 let version = null;
+let hasGeometry = false;
 
 // Lines of one kind follow each other; the last answer of a kind that was asked for is the one that stays.
-const outlines = new Latest("/outlines", (reply, zones) => cameras.show(reply, zones), fail);
+const outlines = new Latest("/outlines", (reply, items) => cameras.show(reply, items), fail);
 const places = new Latest("/place", ({ floor, cameras: pixels }, use) => {
   if (!isHovered) return;
   showPlace(floor);
@@ -33,10 +49,11 @@ const places = new Latest("/place", ({ floor, cameras: pixels }, use) => {
 }, fail);
 let isHovered = false;
 
-function say(line, kind = "", offersLoading = false) {
+function say(line, kind = "", isConflict = false) {
   byId("message").textContent = line;
   byId("message").className = kind;
-  byId("again").hidden = !offersLoading;
+  byId("again").hidden = !isConflict;
+  byId("overwrite").hidden = !isConflict;
   byId("said").hidden = line === "";
   byId("hint").hidden = line !== "";
 }
@@ -46,9 +63,12 @@ function showPlace(floor) {
     byId("cursor").value = "";
     return;
   }
-  const last = drawing.draft?.corners.at(-1);
-  const length = last ? `, ${distance(last, floor).toFixed(2)} m long` : "";
-  byId("cursor").value = `x ${floor[0].toFixed(2)} m, y ${floor[1].toFixed(2)} m${length}`;
+  const { draft } = drawing;
+  const isMeasured = draft?.type === "measure" && draft.corners.length === 2;
+  const last = draft?.corners.at(-1);
+  const length = isMeasured ? distance(...draft.corners) : last && distance(last, floor);
+  const shown = length === undefined ? "" : `, ${length.toFixed(2)} m long`;
+  byId("cursor").value = `x ${floor[0].toFixed(2)} m, y ${floor[1].toFixed(2)} m${shown}`;
 }
 
 // A place of the floor is pointed at, on the plan; null ends it.
@@ -69,40 +89,46 @@ function look(camera, pixel, use) {
   places.ask({ camera, pixel }, use);
 }
 
-// A corner's drag ends at a pixel of a camera.
-async function settle(camera, pixel, { id, corner }) {
-  try {
-    const { floor } = await ask("POST", "/place", { camera, pixel });
-    if (floor && drawing.zone(id)?.polygon[corner]) drawing.moveCorner(id, corner, floor);
-  } catch (error) {
-    fail(error);
-  }
+// The place of the floor that a pixel shows.
+async function place(camera, pixel) {
+  return (await ask("POST", "/place", { camera, pixel })).floor;
+}
+
+// Clicks and drags in cameras wait for the server's answers, one after the other; closing and saving wait for them.
+let pending = Promise.resolve();
+
+function later(task) {
+  pending = pending.then(task).catch(fail);
+  return pending;
 }
 
 // A corner is clicked in a camera.
-async function add(camera, pixel) {
-  try {
-    const { floor } = await ask("POST", "/place", { camera, pixel });
+function add(camera, pixel, isFree) {
+  later(async () => {
+    const floor = await place(camera, pixel);
     if (!floor) return say("There is no floor under this pixel: it is at or above the horizon.", "warn");
-    if (drawing.draft) drawing.addCorner(floor);
-  } catch (error) {
-    fail(error);
-  }
+    if (drawing.draft) drawing.addCorner(isFree ? floor : snapped(floor, CAMERA_SNAP_M, drawing.targets()));
+  });
 }
 
-function finish() {
-  if (!drawing.draft) return;
-  if (crosses(drawing.draft.corners)) return say("The outline crosses itself: remove the last corner with Delete.", "warn");
-  const zone = drawing.finish();
-  if (!zone) return say("A zone needs at least three corners.", "warn");
-  say("Give the zone a name, then save.");
-  list.focusName(zone.id);
+async function finish() {
+  await pending;
+  const { draft } = drawing;
+  if (!draft || draft.type === "measure") return;
+  const { word, isClosed, least } = kindOf(draft.type);
+  if (crosses(draft.corners, isClosed)) return say("The outline crosses itself: remove the last corner with Delete.", "warn");
+  const isFirstFloor = draft.type === "floor" && drawing.ofType("floor").length === 0 && hasGeometry;
+  const item = drawing.finish();
+  if (!item) return say(`A ${word} needs at least ${least} ${isClosed ? "corners" : "points"}.`, "warn");
+  if (isFirstFloor) say("From now on people can stand on what is drawn alone, no longer on what follows from the geometry.");
+  else say(item.name ? `Give the ${word} a name, then save.` : "");
+  list.focusName(item.id);
 }
 
-function begin() {
-  if (drawing.draft) return drawing.cancel();
+function begin(type) {
+  if (drawing.draft?.type === type) return drawing.cancel();
   say("");
-  drawing.begin();
+  drawing.begin(type);
   byId("plan").focus({ preventScroll: true });
 }
 
@@ -110,37 +136,44 @@ async function load() {
   try {
     const room = await ask("GET", "/room.json");
     version = room.version;
+    hasGeometry = room.has_geometry;
     byId("room").textContent = room.name;
-    document.title = `Zones of ${room.name}`;
+    document.title = `Floor of ${room.name}`;
     plan.load(room.plan, version);
     cameras.load(room.cameras, version);
-    drawing.load(room.zones);
+    drawing.load(room.drawing, room.walls);
     say("");
   } catch (error) {
     fail(error);
   }
 }
 
-// One save at a time: the answer to one is the version that the next one starts from.
+// One save at a time: what one has saved is what the next one starts from.
 let saving = null;
 
-async function save() {
+async function save(onConflict = "refuse") {
+  await pending;
   while (saving) await saving;
   if (!drawing.isUnsaved) return;
-  saving = saveNow();
+  saving = saveNow(onConflict);
   await saving;
   saving = null;
 }
 
-async function saveNow() {
-  if (drawing.draft) return say("Close the zone first, or give it up with Esc.", "warn");
-  const zones = drawing.plain();
+async function saveNow(onConflict) {
+  const { draft } = drawing;
+  if (draft && draft.type !== "measure") return say(`Close the ${kindOf(draft.type).word} first, or give it up with Esc.`, "warn");
+  const snapshot = drawing.snapshot();
   try {
-    const reply = await ask("PUT", "/zones", { zones, version });
+    const reply = await ask("PUT", "/drawing", { ...drawing.savingOf(snapshot), on_conflict: onConflict });
     version = reply.version;
-    drawing.markSaved(zones);
-    if (reply.warnings.length > 0) return say(`Saved. ${reply.warnings.join("; ")}`, "warn");
-    say("Saved.");
+    drawing.markSaved(snapshot);
+    // What others changed is shown, unless there is something new by now: the next save brings it.
+    const isShown = (reply.merged || reply.changed) && !drawing.isUnsaved;
+    if (isShown) await load();
+    const saved = isShown && reply.merged ? "Saved, together with what was changed in the file meanwhile." : "Saved.";
+    if (reply.warnings.length > 0) return say(`${saved} ${reply.warnings.join("; ")}`, "warn");
+    say(saved);
   } catch (error) {
     say(error.message, "wrong", error.status === 409);
   }
@@ -148,34 +181,70 @@ async function saveNow() {
 
 function remove() {
   const { selected, corner, draft } = drawing;
-  if (draft) {
-    draft.corners.pop();
-    return drawing.changed();
-  }
+  if (draft) return drawing.undo();
   if (selected === null) return;
   if (corner === null) return drawing.remove(selected);
-  if (!drawing.removeCorner(selected, corner)) say("A zone needs at least three corners.", "warn");
+  const { word, least } = KINDS[drawing.item(selected).type];
+  if (!drawing.removeCorner(selected, corner)) say(`A ${word} needs at least ${least} corners.`, "warn");
+}
+
+function hint() {
+  const { draft, items } = drawing;
+  if (!draft) return items.length > 0 ? HINTS.idle : HINTS.empty;
+  if (draft.type === "measure") return HINTS.measure;
+  return kindOf(draft.type).isClosed ? HINTS.closed : HINTS.open;
+}
+
+// What is shown in the cameras, and the questions for its outlines.
+function outlined() {
+  const { draft, selected } = drawing;
+  const shown = [];
+  const asked = [];
+  const show = (item, polygon, closed) => {
+    shown.push(item);
+    asked.push({ polygon, closed });
+  };
+  const showArrow = (item, points) => {
+    const found = arrow(points);
+    if (!found) return;
+    show({ ...item, isArrow: true }, [found.tail, found.head], false);
+    show({ ...item, isArrow: true }, [found.barbs[0], found.head, found.barbs[1]], false);
+  };
+  for (const type of LAYERS) {
+    for (const { id, name, color, points } of drawing.ofType(type)) {
+      const item = { id, type, name, color, selected: id === selected };
+      if (type === "line") showArrow(item, points);
+      show(item, points, KINDS[type].isClosed);
+    }
+  }
+  if (draft) {
+    const { type, corners, cursor } = draft;
+    const isMeasured = type === "measure" && corners.length === 2;
+    const line = cursor && !isMeasured ? corners.concat([cursor]) : corners;
+    const name = type === "measure" && line.length === 2 ? `${distance(...line).toFixed(2)} m` : "";
+    const color = getComputedStyle(document.documentElement).getPropertyValue("--draft").trim();
+    const item = { id: null, type, name, color, selected: true };
+    if (type === "line") showArrow(item, line);
+    show(item, line, false);
+  }
+  return [{ zones: asked }, shown];
 }
 
 drawing.addEventListener("change", () => {
-  const { draft, zones, selected } = drawing;
+  const { draft } = drawing;
   byId("unsaved").hidden = !drawing.isUnsaved;
   byId("save").disabled = !drawing.isUnsaved;
-  byId("undo").disabled = !drawing.canUndo || draft !== null;
-  byId("redo").disabled = !drawing.canRedo || draft !== null;
-  byId("draw").setAttribute("aria-pressed", draft !== null);
-  byId("draw").textContent = draft ? "Give up" : "Draw a zone";
-  byId("hint").textContent = draft ? HINTS.draft : zones.length > 0 ? HINTS.idle : HINTS.empty;
-  const shown = zones.map(({ id, name, color }) => ({ id, name, color, selected: id === selected }));
-  const asked = zones.map(({ polygon }) => ({ polygon }));
-  if (draft) {
-    shown.push({ ...DRAFT, color: getComputedStyle(document.documentElement).getPropertyValue("--draft").trim() });
-    asked.push({ polygon: draft.cursor ? draft.corners.concat([draft.cursor]) : draft.corners, closed: false });
-  }
-  outlines.ask({ zones: asked }, shown);
+  byId("undo").disabled = !drawing.canUndo;
+  byId("redo").disabled = !drawing.canRedo;
+  byId("done").hidden = draft === null || draft.type === "measure";
+  byId("done").disabled = draft === null || draft.corners.length < kindOf(draft.type).least;
+  byId("none").hidden = drawing.ofType("zone").length > 0;
+  for (const button of drawButtons) button.setAttribute("aria-pressed", draft?.type === button.dataset.draw);
+  byId("hint").textContent = hint();
+  outlines.ask(...outlined());
 });
 
-// What was said is about zones that are others now.
+// What was said is about things that are others now.
 drawing.addEventListener("edit", () => say(""));
 
 document.addEventListener("keydown", (event) => {
@@ -185,7 +254,7 @@ document.addEventListener("keydown", (event) => {
     if (key === "s") {
       event.target.blur?.(); // what is being typed counts
       save();
-    } else if (isTyping || drawing.draft || (key !== "z" && key !== "y")) {
+    } else if (isTyping || (key !== "z" && key !== "y")) {
       return;
     } else if (key === "y" || event.shiftKey) {
       drawing.redo();
@@ -195,7 +264,7 @@ document.addEventListener("keydown", (event) => {
     return event.preventDefault();
   }
   if (event.altKey || event.target.matches("input, select, button")) return;
-  if (key === "n") begin();
+  if (KEYS[key]) begin(KEYS[key]);
   else if (key === "enter" && drawing.draft) finish();
   else if (key === "escape" && drawing.draft) drawing.cancel();
   else if (key === "escape") drawing.select(null);
@@ -205,16 +274,19 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-byId("draw").addEventListener("click", begin);
+for (const button of drawButtons) button.addEventListener("click", () => begin(button.dataset.draw));
+byId("done").addEventListener("click", finish);
 byId("undo").addEventListener("click", () => drawing.undo());
 byId("redo").addEventListener("click", () => drawing.redo());
-byId("save").addEventListener("click", save);
+byId("save").addEventListener("click", () => save());
+byId("overwrite").addEventListener("click", () => save("overwrite"));
 byId("again").addEventListener("click", load);
 byId("zoom-in").addEventListener("click", () => plan.zoom(1.4));
 byId("zoom-out").addEventListener("click", () => plan.zoom(1 / 1.4));
 byId("zoom-all").addEventListener("click", () => plan.zoom(0));
 window.addEventListener("beforeunload", (event) => {
-  if (drawing.isUnsaved || drawing.draft?.corners.length) event.preventDefault();
+  const isDrawn = drawing.draft?.type !== "measure" && drawing.draft?.corners.length;
+  if (drawing.isUnsaved || isDrawn) event.preventDefault();
 });
 
 load();

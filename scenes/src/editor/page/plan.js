@@ -1,13 +1,13 @@
-// The floor plan: zones are drawn, moved and mended here. Places are metres on the floor, pixels those of the picture.
+// The floor plan: items are drawn, moved and mended here. Places are metres on the floor, pixels those of the picture.
 
-import { crosses, distance } from "/drawing.js";
-import { classes, pointOf, points, shape, unitOf } from "/shapes.js";
+import { distance, snapped } from "/geometry.js";
+import { LAYERS, kindOf } from "/kinds.js";
+import { draftShapes, handleShapes, itemShapes, wallShapes } from "/plan_shapes.js";
+import { DoublePress, pointOf, shape, unitOf } from "/shapes.js";
 
-const HANDLE_PX = 6.5; // radii, on the screen
-const MIDDLE_PX = 4.5;
 const CLOSING_PX = 11; // a click this near to the first corner closes
-const SAME_PX = 5; // and this near to the last one is the second of a double click
-const SNAP_PX = 9; // to corners and edges of other zones
+const SAME_PX = 5; // and this near to the last one sets no other
+const SNAP_PX = 9; // to corners, edges and walls
 const STILL_PX = 3; // a press that moves less is a click
 const STEP_M = 0.1; // arrow keys
 const FINE_STEP_M = 0.01; // with Shift
@@ -17,10 +17,11 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowD
 export class Plan {
   #drag = null;
   #marker = null;
+  #presses = new DoublePress();
 
-  // `finish` ends a draft, `hover` is told of the place under the pointer, `say` of what cannot be done.
-  constructor(svg, drawing, { finish, hover, say }) {
-    Object.assign(this, { svg, drawing, finish, hover, say });
+  // `finish` ends a draft, `hover` is told of the place under the pointer.
+  constructor(svg, drawing, { finish, hover }) {
+    Object.assign(this, { svg, drawing, finish, hover });
     drawing.addEventListener("change", () => this.#redraw());
     new ResizeObserver(() => this.#redraw()).observe(svg);
     svg.addEventListener("pointerdown", (event) => this.#press(event));
@@ -28,7 +29,6 @@ export class Plan {
     svg.addEventListener("pointerup", (event) => this.#release(event));
     svg.addEventListener("pointercancel", (event) => this.#release(event));
     svg.addEventListener("pointerleave", () => this.#leave());
-    svg.addEventListener("dblclick", () => this.drawing.draft && this.finish());
     svg.addEventListener("keydown", (event) => this.#key(event));
     svg.addEventListener("focusin", (event) => this.#focus(event.target));
     svg.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
@@ -98,22 +98,27 @@ export class Plan {
     return point && this.floor(point);
   }
 
-  // On the screen.
-  #pxBetween(a, b) {
-    return distance(this.pixel(a), this.pixel(b)) / unitOf(this.svg);
+  // Metres of some pixels of the screen.
+  #metres(px) {
+    return (px * unitOf(this.svg)) / this.plan.px_per_m;
+  }
+
+  #snapped(floor, event, own = null) {
+    return event.altKey ? floor : snapped(floor, this.#metres(SNAP_PX), this.drawing.targets(own));
   }
 
   #press(event) {
     if (event.button !== 0 || !this.plan) return;
     const { drawing } = this;
     const floor = this.#floorOf(event);
+    const isSecond = this.#presses.isSecond(event);
     if (drawing.draft) {
-      // The focus stays where drawing puts it: on the name of a zone that is closed now.
+      // The focus stays where drawing puts it: on the name of an item that is closed now.
       event.preventDefault();
-      return this.#draw(floor, event.altKey);
+      return isSecond ? this.finish() : this.#draw(floor, event);
     }
-    const { zone, corner, edge } = event.target.dataset;
-    const id = zone === undefined ? null : Number(zone);
+    const { item, corner, edge } = event.target.dataset;
+    const id = item === undefined ? null : Number(item);
     this.#drag = { id, start: [event.clientX, event.clientY], from: floor, moves: false };
     if (corner !== undefined) {
       this.#drag.corner = Number(corner);
@@ -121,7 +126,7 @@ export class Plan {
       drawing.insertCorner(id, Number(edge) + 1, floor);
       Object.assign(this.#drag, { corner: Number(edge) + 1, moves: true });
     } else if (id !== null) {
-      this.#drag.polygon = structuredClone(drawing.zone(id).polygon);
+      this.#drag.points = structuredClone(drawing.item(id).points);
     }
     drawing.select(id, this.#drag.corner ?? null);
     this.svg.setPointerCapture(event.pointerId);
@@ -129,11 +134,12 @@ export class Plan {
     this.#focusOnCorner();
   }
 
-  #draw(floor, isFree) {
-    const { corners } = this.drawing.draft;
-    if (corners.length >= 3 && this.#pxBetween(floor, corners[0]) < CLOSING_PX) return this.finish();
+  #draw(floor, event) {
+    const { type, corners } = this.drawing.draft;
+    const { isClosed } = kindOf(type);
+    if (isClosed && corners.length >= 3 && distance(floor, corners[0]) < this.#metres(CLOSING_PX)) return this.finish();
     const last = corners.at(-1);
-    if (!last || this.#pxBetween(floor, last) >= SAME_PX) this.drawing.addCorner(isFree ? floor : this.#snapped(floor, null));
+    if (!last || distance(floor, last) >= this.#metres(SAME_PX)) this.drawing.addCorner(this.#snapped(floor, event));
   }
 
   #move(event) {
@@ -142,7 +148,7 @@ export class Plan {
     const { drawing } = this;
     if (this.#drag) this.#dragTo(event, floor);
     if (drawing.draft) {
-      drawing.draft.cursor = event.altKey ? floor : this.#snapped(floor, null);
+      drawing.draft.cursor = this.#snapped(floor, event);
       drawing.changed();
     }
     this.hover(drawing.draft?.cursor ?? floor);
@@ -161,27 +167,10 @@ export class Plan {
       this.#pan([(event.clientX - (drag.last ?? drag.start)[0]) * unit, (event.clientY - (drag.last ?? drag.start)[1]) * unit]);
       drag.last = [event.clientX, event.clientY];
     } else if (drag.corner !== undefined) {
-      this.drawing.moveCorner(drag.id, drag.corner, event.altKey ? floor : this.#snapped(floor, drag.id));
+      this.drawing.moveCorner(drag.id, drag.corner, this.#snapped(floor, event, drag.id));
     } else {
-      const [x, y] = [floor[0] - drag.from[0], floor[1] - drag.from[1]];
-      drag.polygon.forEach((p, i) => this.drawing.moveCorner(drag.id, i, [p[0] + x, p[1] + y]));
+      this.drawing.moveBy(drag.id, drag.points, [floor[0] - drag.from[0], floor[1] - drag.from[1]]);
     }
-  }
-
-  // The nearest corner of another zone, or else the nearest place on an edge of one, where the pointer is near.
-  #snapped(floor, own) {
-    const others = this.drawing.zones.filter((zone) => zone.id !== own).map((zone) => zone.polygon);
-    const nearest = (places) => places
-      .map((place) => ({ place, px: this.#pxBetween(floor, place) }))
-      .reduce((best, one) => (one.px < best.px ? one : best), { place: null, px: SNAP_PX }).place;
-    const onEdge = (a, b) => {
-      const [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-      const share = ((floor[0] - a[0]) * dx + (floor[1] - a[1]) * dy) / (dx * dx + dy * dy || 1);
-      const t = Math.min(Math.max(share, 0), 1);
-      return [a[0] + t * dx, a[1] + t * dy];
-    };
-    const edges = others.flatMap((polygon) => polygon.map((a, i) => onEdge(a, polygon[(i + 1) % polygon.length])));
-    return nearest(others.flat()) ?? nearest(edges) ?? floor;
   }
 
   #release(event) {
@@ -200,15 +189,15 @@ export class Plan {
   }
 
   #focus(target) {
-    const { zone, corner } = target.dataset;
-    if (corner === undefined || zone === undefined) return;
-    const [id, index] = [Number(zone), Number(corner)];
+    const { item, corner } = target.dataset;
+    if (corner === undefined || item === undefined) return;
+    const [id, index] = [Number(item), Number(corner)];
     if (this.drawing.selected !== id || this.drawing.corner !== index) this.drawing.select(id, index);
   }
 
   #focusOnCorner() {
     const { selected, corner } = this.drawing;
-    const handle = corner === null ? null : this.layer.querySelector(`[data-zone="${selected}"][data-corner="${corner}"]`);
+    const handle = corner === null ? null : this.layer.querySelector(`[data-item="${selected}"][data-corner="${corner}"]`);
     (handle ?? this.svg).focus({ preventScroll: true });
   }
 
@@ -226,11 +215,11 @@ export class Plan {
       } else {
         const { selected, corner } = drawing;
         drawing.remember();
-        drawing.moveCorner(selected, corner, moved(drawing.zone(selected).polygon[corner]));
-        this.hover(drawing.zone(selected).polygon[corner]);
+        drawing.moveCorner(selected, corner, moved(drawing.item(selected).points[corner]));
+        this.hover(drawing.item(selected).points[corner]);
       }
     } else if (event.key === " " && drawing.draft?.cursor) {
-      this.#draw(drawing.draft.cursor);
+      this.#draw(drawing.draft.cursor, { altKey: true });
     } else {
       return;
     }
@@ -244,64 +233,20 @@ export class Plan {
     svg.setAttribute("viewBox", this.box.join(" "));
     svg.classList.toggle("drawing", drawing.draft !== null);
     const unit = unitOf(svg);
-    const chosen = drawing.zone(drawing.selected);
-    // The selected one lies on top, so that its handles can be reached.
-    const order = drawing.zones.filter((zone) => zone !== chosen).concat(chosen ?? []);
-    const shapes = order.flatMap((zone) => this.#zoneShapes(zone, zone === chosen, unit));
-    if (chosen && !drawing.draft) shapes.push(...this.#handles(chosen, unit));
-    if (drawing.draft) shapes.push(...this.#draftShapes(drawing.draft, unit));
+    const toPixel = (place) => this.pixel(place);
+    const chosen = drawing.item(drawing.selected);
+    // The selected one lies on top, so that its handles can be reached; but the floor's polygons stay below.
+    const layers = LAYERS.flatMap((type) => drawing.ofType(type));
+    const order = chosen && chosen.type !== "floor" ? layers.filter((item) => item !== chosen).concat(chosen) : layers;
+    const shapes = drawing.draft || this.#drag?.corner !== undefined ? wallShapes(drawing.walls, toPixel) : [];
+    shapes.push(...order.flatMap((item) => itemShapes(item, item === chosen, unit, toPixel)));
+    if (chosen && !drawing.draft) shapes.push(...handleShapes(chosen, drawing.corner, unit, toPixel));
+    if (drawing.draft) shapes.push(...draftShapes(drawing.draft, unit, toPixel));
     if (this.#marker) {
       const [cx, cy] = this.pixel(this.#marker);
       shapes.push(shape("circle", { class: "marker", cx, cy, r: 4.5 * unit }));
     }
     this.layer.replaceChildren(...shapes);
     if (active?.corner !== undefined) this.#focusOnCorner();
-  }
-
-  #zoneShapes(zone, isSelected, unit) {
-    const pixels = zone.polygon.map((p) => this.pixel(p));
-    const [x, y] = [0, 1].map((axis) => pixels.reduce((sum, p) => sum + p[axis], 0) / pixels.length);
-    return [
-      shape("polygon", {
-        class: classes({ zone: true, selected: isSelected, crossed: crosses(zone.polygon) }),
-        points: points(pixels),
-        fill: zone.color,
-        stroke: zone.color,
-        "data-zone": zone.id,
-      }),
-      shape("text", { x, y, "font-size": 14 * unit, "stroke-width": 3.5 * unit, fill: zone.color }, zone.name),
-    ];
-  }
-
-  #handles({ id, name, polygon, color }, unit) {
-    const pixels = polygon.map((p) => this.pixel(p));
-    const middles = pixels.map(([x, y], i) => {
-      const [u, v] = pixels[(i + 1) % pixels.length];
-      return shape("circle", {
-        class: "middle", cx: (x + u) / 2, cy: (y + v) / 2, r: MIDDLE_PX * unit, fill: color, "data-zone": id, "data-edge": i,
-      });
-    });
-    const corners = pixels.map(([cx, cy], i) => shape("circle", {
-      class: classes({ corner: true, chosen: i === this.drawing.corner }),
-      cx, cy, r: HANDLE_PX * unit, stroke: color, tabindex: 0, role: "button",
-      "aria-label": `Corner ${i + 1} of ${name}: x ${polygon[i][0].toFixed(2)} m, y ${polygon[i][1].toFixed(2)} m. Arrow keys move it, Delete removes it.`,
-      "data-zone": id, "data-corner": i,
-    }));
-    return middles.concat(corners);
-  }
-
-  #draftShapes({ corners, cursor }, unit) {
-    const color = getComputedStyle(document.documentElement).getPropertyValue("--draft").trim();
-    const pixels = corners.map((p) => this.pixel(p));
-    const line = cursor ? pixels.concat([this.pixel(cursor)]) : pixels;
-    const isCrossed = crosses(cursor ? corners.concat([cursor]) : corners);
-    const shapes = [shape("polyline", { class: classes({ draft: true, crossed: isCrossed }), points: points(line), stroke: color })];
-    if (line.length >= 3) {
-      shapes.push(shape("polyline", { class: "closing", points: points([line.at(-1), line[0]]), stroke: color }));
-    }
-    pixels.forEach(([cx, cy], i) => shapes.push(shape("circle", {
-      class: classes({ corner: true, first: i === 0 }), cx, cy, r: (i === 0 ? HANDLE_PX + 1.5 : HANDLE_PX - 1.5) * unit, stroke: color,
-    })));
-    return shapes;
   }
 }

@@ -1,4 +1,10 @@
-// SVG elements.
+// SVG elements, and where pointers are on them.
+
+const DOUBLE_MS = 500; // between the presses of a double click
+const DOUBLE_PX = 12; // and on the screen
+
+// Whether fingers point here, for which handles have to be larger.
+export const isCoarse = matchMedia("(pointer: coarse)").matches;
 
 export function shape(name, attributes, text) {
   const element = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -26,4 +32,17 @@ export function pointOf(svg, event) {
   if (!matrix) return null;
   const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix.inverse());
   return [point.x, point.y];
+}
+
+// Tells the second press of a double click, or of a double tap, from the first: browsers count clicks, not presses.
+export class DoublePress {
+  #last = null;
+
+  isSecond({ clientX, clientY, timeStamp }) {
+    const last = this.#last;
+    const isSecond = last !== null && timeStamp - last.timeStamp < DOUBLE_MS
+      && Math.hypot(clientX - last.clientX, clientY - last.clientY) < DOUBLE_PX;
+    this.#last = isSecond ? null : { clientX, clientY, timeStamp };
+    return isSecond;
+  }
 }

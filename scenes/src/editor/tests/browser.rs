@@ -58,14 +58,53 @@ impl Page {
         let attach = json!({ "targetId": target["targetId"], "flatten": true });
         page.session = page.command("Target.attachToTarget", &attach)["sessionId"].as_str().unwrap().into();
         page.command("Runtime.enable", &json!({}));
-        let size = json!({ "width": 1400, "height": 1000, "deviceScaleFactor": 1, "mobile": false });
-        page.command("Emulation.setDeviceMetricsOverride", &size);
+        page.resize(1400, 1000);
         page.command("Page.navigate", &json!({ "url": url }));
         Some(page)
     }
 
-    /// Result of a command. An exception in the page's scripts ends the test.
+    /// Gives the window a size, in pixels.
+    pub(super) fn resize(&mut self, width: u32, height: u32) {
+        let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        self.command("Emulation.setDeviceMetricsOverride", &size);
+    }
+
+    /// Makes the window that of a telephone: fingers point in place of a mouse. The page has to be loaded again.
+    pub(super) fn become_telephone(&mut self, width: u32, height: u32) {
+        let size = json!({ "width": width, "height": height, "deviceScaleFactor": 2, "mobile": true });
+        self.command("Emulation.setDeviceMetricsOverride", &size);
+        self.command("Emulation.setTouchEmulationEnabled", &json!({ "enabled": true, "maxTouchPoints": 1 }));
+        self.command("Page.reload", &json!({}));
+    }
+
+    /// Puts a finger on a place of the window, moves it through the others, and lifts it.
+    pub(super) fn touch(&mut self, places: &[[f64; 2]]) {
+        let points = |[x, y]: [f64; 2]| json!([{ "x": x, "y": y }]);
+        let mut events = vec![("touchStart", points(places[0]))];
+        events.extend(places[1..].iter().map(|place| ("touchMove", points(*place))));
+        events.push(("touchEnd", json!([])));
+        for (kind, points) in events {
+            self.command("Input.dispatchTouchEvent", &json!({ "type": kind, "touchPoints": points }));
+        }
+    }
+
+    /// Writes a picture of the window (PNG) into the folder that `SCREENSHOTS` names, if it is set: for a person to look
+    /// at.
+    pub(super) fn screenshot(&mut self, name: &str) {
+        let Some(folder) = std::env::var_os("SCREENSHOTS") else { return };
+        let reply = self.command("Page.captureScreenshot", &json!({ "format": "png" }));
+        let bytes = base64(reply["data"].as_str().unwrap());
+        std::fs::write(std::path::Path::new(&folder).join(name), bytes).unwrap();
+    }
+
+    /// Result of a command, which has to succeed. An exception in the page's scripts ends the test.
     fn command(&mut self, method: &str, parameters: &Value) -> Value {
+        let reply = self.reply(method, parameters);
+        reply.unwrap_or_else(|e| panic!("{method}: {e:#}"))
+    }
+
+    /// Result or error of a command.
+    fn reply(&mut self, method: &str, parameters: &Value) -> Result<Value, Value> {
         self.last_command += 1;
         let mut command = json!({ "id": self.last_command, "method": method, "params": parameters });
         if !self.session.is_empty() {
@@ -77,8 +116,10 @@ impl Page {
             let mut message: Value = serde_json::from_slice(&message).unwrap();
             assert!(message["method"] != "Runtime.exceptionThrown", "{message:#}");
             if message["id"] == self.last_command {
-                assert!(message.get("error").is_none(), "{method}: {message:#}");
-                return message["result"].take();
+                return match message.get_mut("error") {
+                    Some(error) => Err(error.take()),
+                    None => Ok(message["result"].take()),
+                };
             }
         }
     }
@@ -86,7 +127,13 @@ impl Page {
     /// Value of a JavaScript expression.
     pub(super) fn value(&mut self, expression: &str) -> Value {
         let asked = json!({ "expression": expression, "returnByValue": true });
-        let mut reply = self.command("Runtime.evaluate", &asked);
+        // A page that is loaded meanwhile is asked again.
+        let mut reply = loop {
+            match self.reply("Runtime.evaluate", &asked) {
+                Err(e) if e["message"].as_str().is_some_and(|line| line.contains("navigated")) => {}
+                reply => break reply.unwrap(),
+            }
+        };
         assert!(reply.get("exceptionDetails").is_none(), "{expression}: {reply:#}");
         reply["result"]["value"].take()
     }
@@ -144,6 +191,21 @@ impl Page {
     pub(super) fn type_text(&mut self, text: &str) {
         self.command("Input.insertText", &json!({ "text": text }));
     }
+}
+
+/// Bytes of a text in base 64 (RFC 4648).
+fn base64(text: &str) -> Vec<u8> {
+    const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let digits = text.bytes().filter_map(|c| LETTERS.iter().position(|letter| *letter == c));
+    let (mut bytes, mut bits, mut count) = (Vec::new(), 0_usize, 0);
+    for digit in digits {
+        (bits, count) = ((bits << 6 | digit) & 0xffff, count + 6);
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+        }
+    }
+    bytes
 }
 
 impl Drop for Page {

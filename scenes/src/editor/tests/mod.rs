@@ -1,8 +1,9 @@
-//! Rooms and cameras of the editor's tests: outlines against closed forms, the server over its socket, and
-//! the page in a browser.
+//! Rooms and cameras of the editor's tests: outlines against closed forms, the server over its socket, the page in a
+//! browser.
 
 mod browser;
 mod outline;
+mod page;
 mod server;
 
 use calib::{Camera, Intrinsics};
@@ -54,7 +55,7 @@ fn polygon(corners: &[(f64, f64)]) -> Polygon {
 }
 
 /// A box on the floor.
-fn push_box(mesh: &mut Mesh, low: Vec3, high: Vec3) {
+pub(super) fn push_box(mesh: &mut Mesh, low: Vec3, high: Vec3) {
     let first = mesh.vertices.len() as u32;
     let corner = |i: u32| Vec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), high, low);
     mesh.vertices.extend((0..8).map(corner));
@@ -64,7 +65,7 @@ fn push_box(mesh: &mut Mesh, low: Vec3, high: Vec3) {
     }
 }
 
-fn scene(boxes: &[(Vec3, Vec3)]) -> Geometry {
+pub(super) fn scene(boxes: &[(Vec3, Vec3)]) -> Geometry {
     let mut mesh = Mesh::default();
     // The floor, a little uneven, as reconstructed ones are.
     push_box(&mut mesh, Vec3::new(-9.0, -9.0, -0.1), Vec3::new(9.0, 9.0, 0.04));

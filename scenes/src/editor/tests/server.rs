@@ -1,4 +1,4 @@
-//! The editor's server over its socket, and its page in a browser.
+//! The editor's server over its socket.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -8,13 +8,14 @@ use approx::assert_relative_eq;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use shell::loopback::Protection;
+
 use super::super::{Server, Session};
-use super::browser::{CTRL, Page};
 use super::*;
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
 
 /// A room with a comment, three cameras, one of them with a reference image, and a door.
-fn room() -> TempDir {
+pub(super) fn room() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let camera = |name: &str, camera: Camera| RoomCamera { name: name.into(), camera, reference: None };
     let mut cameras = vec![
@@ -38,13 +39,14 @@ fn room() -> TempDir {
     folder
 }
 
-fn scene_text(dir: &Path) -> String {
+pub(super) fn scene_text(dir: &Path) -> String {
     std::fs::read_to_string(dir.join("scene.toml")).unwrap()
 }
 
 /// Starts a server that runs until the tests end.
-fn served(dir: &Path) -> SocketAddr {
-    let (server, session) = (Server::bind("127.0.0.1", 0).unwrap(), Session::open(dir).unwrap());
+pub(super) fn served(dir: &Path) -> SocketAddr {
+    let (server, session) =
+        (Server::bind("127.0.0.1", 0, &Protection::default()).unwrap(), Session::open(dir).unwrap());
     let address = server.address();
     std::thread::spawn(move || server.run(session));
     address
@@ -82,7 +84,7 @@ fn send(address: SocketAddr, method: &str, path: &str, body: &str) -> (u16, Valu
     (status(&head), serde_json::from_slice(&body).unwrap())
 }
 
-fn room_json(address: SocketAddr) -> Value {
+pub(super) fn room_json(address: SocketAddr) -> Value {
     let (head, body) = get(address, "/room.json");
     assert_eq!(status(&head), 200, "{head}");
     serde_json::from_slice(&body).unwrap()
@@ -94,8 +96,8 @@ fn the_room_is_told_and_shown() {
     let address = served(folder.path());
     let told = room_json(address);
     assert_eq!(told["cameras"][1], json!({ "name": "Küche links", "width": 200, "height": 200 }));
-    assert_eq!(told["zones"][0]["name"], "door <1>");
-    assert_eq!(told["zones"][0]["kind"], "entry");
+    assert_eq!(told["drawing"]["zones"][0]["name"], "door <1>");
+    assert_eq!(told["drawing"]["zones"][0]["kind"], "entry");
     let (head, plan) = get(address, "/plan.png?1");
     assert!(head.contains("image/png") && head.contains("no-store") && head.contains("default-src 'none'"));
     let plan = image::load_from_memory(&plan).unwrap().into_rgb8();
@@ -165,61 +167,169 @@ fn outlines_and_places_are_answered() {
     assert!(status == 404 && told["error"].as_str().unwrap().contains("`down`"), "{told}");
 }
 
+/// Question that saves a drawing as the edited form of another. Items of both lists belong together by their place.
+fn saving(base: &Value, drawing: &Value) -> Value {
+    let mut edited = drawing.clone();
+    for list in ["zones", "regions", "lines"] {
+        let count = base[list].as_array().unwrap().len();
+        let items = drawing[list].as_array().unwrap().iter().enumerate();
+        let with_origin = |(i, item)| json!({ "item": item, "origin": (i < count).then_some(i) });
+        edited[list] = items.map(with_origin).collect();
+    }
+    json!({ "base": base, "edited": edited })
+}
+
+fn save(address: SocketAddr, base: &Value, drawing: &Value) -> (u16, Value) {
+    send(address, "PUT", "/drawing", &saving(base, drawing).to_string())
+}
+
 #[test]
-fn saving_changes_the_zones_and_nothing_else() {
+fn saving_changes_the_drawing_and_nothing_else() {
     let folder = room();
     let address = served(folder.path());
     let before = scene_text(folder.path());
-    let told = room_json(address);
-    let (mut zones, version) = (told["zones"].clone(), told["version"].clone());
-    zones[0]["polygon"][2] = json!([0.75, 0.5]);
-    let put = |zones: &Value, version: &Value| {
-        send(address, "PUT", "/zones", &json!({ "zones": zones, "version": version }).to_string())
-    };
-    let (status, first) = put(&zones, &version);
-    assert_eq!((status, &first["warnings"]), (200, &json!([])), "{first}");
+    let base = room_json(address)["drawing"].clone();
+    let mut drawing = base.clone();
+    drawing["zones"][0]["polygon"][2] = json!([0.75, 0.5]);
+    let (status, first) = save(address, &base, &drawing);
+    assert_eq!((status, &first["warnings"], &first["merged"]), (200, &json!([]), &json!(false)), "{first}");
     let after = scene_text(folder.path());
     assert!(after != before && after.starts_with("# Measured by hand.\n"));
     assert_eq!(after.replace("[0.75, 0.5]", "[0.5, 0.5]"), before);
-    // The second follows the first, with a zone that nobody can stand in; the old version is stale by then.
-    let far = json!({ "name": "far", "kind": "exit", "polygon": [[20.0, 0.0], [21.0, 0.0], [21.0, 1.0]] });
-    zones.as_array_mut().unwrap().push(far);
-    let (status, second) = put(&zones, &first["version"]);
+    // Regions and lines, and a zone that nobody can stand in.
+    let base = drawing.clone();
+    drawing["zones"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({ "name": "far", "kind": "exit", "polygon": [[20.0, 0.0], [21.0, 0.0], [21.0, 1.0]] }));
+    drawing["regions"] =
+        json!([{ "name": "till", "polygon": [[1.0, 0.0], [2.0, 0.0], [2.0, 1.0]], "dwell_s": 4.5 }]);
+    drawing["lines"] = json!([{ "name": "gate", "points": [[-4.0, 1.0], [-3.0, 1.0]] },
+        { "name": "off", "points": [[14.0, 1.0], [15.0, 1.0]] }]);
+    let (status, second) = save(address, &base, &drawing);
     assert_eq!(status, 200, "{second}");
-    let warning = second["warnings"][0].as_str().unwrap();
-    assert!(warning.contains("`far`") && warning.contains("nobody can stand"), "{warning}");
-    assert_eq!(Room::read(folder.path()).unwrap().zones[1].kind, ZoneKind::Exit);
-    assert_eq!(room_json(address)["zones"], zones);
-    let saved = scene_text(folder.path());
-    let (status, stale) = put(&json!([]), &first["version"]);
-    assert_eq!(status, 409, "{stale}");
-    assert!(stale["error"].as_str().unwrap().contains("load it again"), "{stale}");
+    assert_eq!(
+        second["warnings"],
+        json!([
+            "zone `far`: nobody can stand in it; move it, or mend [floor]",
+            "line `off`: nobody can cross it; move it, or mend [floor]"
+        ])
+    );
+    let room = Room::read(folder.path()).unwrap();
+    assert_eq!(
+        (room.zones[1].kind, room.regions[0].dwell_s, room.lines.len()),
+        (ZoneKind::Exit, Some(4.5), 2)
+    );
+    assert_eq!(room_json(address)["drawing"], drawing);
+    assert_eq!(room_json(address)["version"], second["version"]);
     // Not simple: named, and nothing is written.
-    zones[0]["polygon"] = json!([[0, 0], [1, 1], [1, 0], [0, 2]]);
-    let (status, refused) = put(&zones, &second["version"]);
+    let (base, saved) = (drawing.clone(), scene_text(folder.path()));
+    drawing["zones"][0]["polygon"] = json!([[0, 0], [1, 1], [1, 0], [0, 2]]);
+    let (status, refused) = save(address, &base, &drawing);
     assert_eq!(status, 422, "{refused}");
     let line = refused["error"].as_str().unwrap();
     assert!(line.contains("`door <1>`") && line.contains("meets itself"), "{line}");
     assert_eq!(scene_text(folder.path()), saved);
 }
 
+/// The warnings are about the floor that the tracker has: drawn, or derived from the geometry, in which zones are floor.
 #[test]
-fn changes_by_other_programs_appear_when_the_page_reloads() {
+fn warnings_are_about_the_floor_that_the_tracker_has() {
+    let folder = room();
+    let derived = Room { walkable: None, ..Room::read(folder.path()).unwrap() };
+    derived.write(folder.path()).unwrap();
+    let address = served(folder.path());
+    let told = room_json(address);
+    assert_eq!((&told["drawing"]["floor"], &told["has_geometry"]), (&json!([]), &json!(true)));
+    let inside_the_box = json!([[3.2, -0.3], [3.8, -0.3], [3.8, 0.3]]);
+    let base = told["drawing"].clone();
+    let mut drawing = base.clone();
+    drawing["regions"] = json!([{ "name": "box", "polygon": inside_the_box }]);
+    let (_, reply) = save(address, &base, &drawing);
+    assert_eq!(reply["warnings"].as_array().unwrap().len(), 1, "{reply}");
+    // The tracker lets people stand in every zone, and so in the region below it.
+    let base = drawing.clone();
+    let zone = json!({ "name": "lift", "kind": "both", "polygon": [[3.1, -0.4], [3.9, -0.4], [3.9, 0.4], [3.1, 0.4]] });
+    drawing["zones"].as_array_mut().unwrap().push(zone);
+    let (_, reply) = save(address, &base, &drawing);
+    assert_eq!(reply["warnings"], json!([]), "{reply}");
+    let base = drawing.clone();
+    drawing["floor"] = json!([[[-5, -5], [0, -5], [0, 5], [-5, 5]]]);
+    let (_, reply) = save(address, &base, &drawing);
+    assert_eq!(reply["warnings"].as_array().unwrap().len(), 3, "{reply}");
+    let map = crate::walkable::WalkableMap::of_room(&Room::read(folder.path()).unwrap()).unwrap();
+    assert!(!map.contains(1.0, 0.0) && map.contains(-1.0, 0.0));
+}
+
+#[test]
+fn changes_by_other_programs_are_merged_and_conflicts_are_told() {
     let folder = room();
     let address = served(folder.path());
-    let version = room_json(address)["version"].clone();
+    let base = room_json(address)["drawing"].clone();
     let by_hand = scene_text(folder.path()).replace("door <1>", "gate").replace("film\"", "tape\"");
     std::fs::write(folder.path().join("scene.toml"), by_hand).unwrap();
-    let stale = json!({ "zones": [], "version": version });
-    assert_eq!(send(address, "PUT", "/zones", &stale.to_string()).0, 409);
+    let mut drawing = base.clone();
+    drawing["zones"][0]["kind"] = json!("exit");
+    let (status, reply) = save(address, &base, &drawing);
+    assert_eq!((status, &reply["merged"]), (200, &json!(true)), "{reply}");
     let told = room_json(address);
-    assert!(
-        told["version"] != version
-            && told["zones"][0]["name"] == "gate"
-            && told["cameras"][2]["name"] == "tape"
+    let zone = &told["drawing"]["zones"][0];
+    assert_eq!((&zone["name"], &zone["kind"]), (&json!("gate"), &json!("exit")));
+    assert_eq!(told["cameras"][2]["name"], "tape");
+    // Another name here as well: told, and nothing is written until it is said which.
+    let before = scene_text(folder.path());
+    drawing["zones"][0]["name"] = json!("way in");
+    let (status, told) = save(address, &base, &drawing);
+    assert_eq!(status, 409, "{told}");
+    let line = told["error"].as_str().unwrap();
+    assert!(line.contains("zone `door <1>`: renamed both here and in the file"), "{line}");
+    assert_eq!(scene_text(folder.path()), before);
+    let mut question = saving(&base, &drawing);
+    question["on_conflict"] = json!("overwrite");
+    assert_eq!(send(address, "PUT", "/drawing", &question.to_string()).0, 200);
+    assert_eq!(Room::read(folder.path()).unwrap().zones[0].name, "way in");
+}
+
+#[test]
+fn references_that_were_turned_as_they_were_taken_stand_upright() {
+    let folder = room();
+    // 20 × 10 pixels, white at the left end, with EXIF that says to turn it by 90° clockwise: white is above then.
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let film = image::RgbImage::from_fn(20, 10, |x, _| image::Rgb([if x < 8 { 255 } else { 0 }; 3]));
+    film.write_to(&mut bytes, image::ImageFormat::Jpeg).unwrap();
+    let mut bytes = bytes.into_inner();
+    let exif = b"\xff\xe1\x00\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+    bytes.splice(2..2, exif.iter().copied());
+    std::fs::write(folder.path().join("film.jpg"), bytes).unwrap();
+    let address = served(folder.path());
+    let (head, shown) = get(address, "/camera/film");
+    assert!(head.contains("image/jpeg"), "{head}");
+    let shown = image::load_from_memory(&shown).unwrap().into_luma8();
+    assert_eq!(shown.dimensions(), (10, 20));
+    assert!(shown[(5, 2)][0] > 200 && shown[(5, 17)][0] < 50);
+}
+
+#[test]
+fn other_machines_need_the_token_of_the_link() {
+    let folder = room();
+    let token = folder.path().join("token");
+    std::fs::write(&token, "0123456789abcdef\n").unwrap();
+    let protection = Protection { token_file: Some(token), ..Protection::default() };
+    let server = Server::bind("0.0.0.0", 0, &protection).unwrap();
+    assert!(server.link().ends_with("/?token=0123456789abcdef"), "{}", server.link());
+    let open = Server::bind("0.0.0.0", 0, &Protection::default()).unwrap();
+    assert!(open.link().contains("/?token="), "{}", open.link());
+    let (port, session) = (server.address().port(), Session::open(folder.path()).unwrap());
+    std::thread::spawn(move || server.run(session));
+    let address: SocketAddr = format!("127.0.0.1:{port}").parse().unwrap();
+    assert_eq!(status(&get(address, "/room.json").0), 403);
+    assert_eq!(status(&get(address, "/?token=0123456789abcdeg").0), 403);
+    let (head, _) = get(address, "/?token=0123456789abcdef");
+    assert!(status(&head) == 303 && head.contains(&format!("token_{port}=0123456789abcdef")), "{head}");
+    let with_cookie = format!(
+        "GET /room.json HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\nCookie: token_{port}=0123456789abcdef\r\n\r\n"
     );
-    let fresh = json!({ "zones": [], "version": told["version"] });
-    assert_eq!(send(address, "PUT", "/zones", &fresh.to_string()).0, 200);
+    assert_eq!(status(&exchange(address, with_cookie.as_bytes()).0), 200);
 }
 
 #[test]
@@ -256,9 +366,9 @@ fn requests_that_are_not_the_pages_are_refused() {
         assert_eq!(status(&get(address, path).0), 404, "{path}");
     }
     for (method, path, allow) in [
-        ("GET", "/zones", "PUT"),
-        ("POST", "/zones", "PUT"),
-        ("OPTIONS", "/zones", "PUT"),
+        ("GET", "/drawing", "PUT"),
+        ("POST", "/drawing", "PUT"),
+        ("OPTIONS", "/drawing", "PUT"),
         ("DELETE", "/", "GET, HEAD"),
         ("PUT", "/outlines", "POST"),
         ("GET", "/place", "POST"),
@@ -268,11 +378,11 @@ fn requests_that_are_not_the_pages_are_refused() {
         ));
         assert!(status == 405 && head.contains(&format!("allow: {allow}")), "{method} {path}: {head}");
     }
-    let version = room_json(address)["version"].clone();
-    let none = json!({ "zones": [], "version": version }).to_string();
+    let base = room_json(address)["drawing"].clone();
+    let none = saving(&base, &json!({ "zones": [], "regions": [], "lines": [], "floor": [] })).to_string();
     for content_type in ["text/plain", "application/x-www-form-urlencoded", "application/json5"] {
         let (status, ..) = ask(&format!(
-            "PUT /zones HTTP/1.1\nHost: localhost\nConnection: close\nContent-Type: {content_type}\n\
+            "PUT /drawing HTTP/1.1\nHost: localhost\nConnection: close\nContent-Type: {content_type}\n\
              Content-Length: {}\n\n{none}",
             none.len()
         ));
@@ -284,95 +394,20 @@ fn requests_that_are_not_the_pages_are_refused() {
         "[]",
         "{\"zones\": []}",
         "\u{0}",
-        r#"{"zones":[{"name":"a","polygon":[[0,null]]}],"version":""}"#,
+        r#"{"base":{"zones":[{"name":"a","polygon":[[0,null]]}],"regions":[],"lines":[],"floor":[]}}"#,
     ] {
-        let (status, told) = send(address, "PUT", "/zones", body);
+        let (status, told) = send(address, "PUT", "/drawing", body);
         assert!(status == 400 && !told["error"].as_str().unwrap().contains('\n'), "{body}: {told}");
     }
     let mib = " ".repeat(1 << 20);
-    assert_eq!(send(address, "PUT", "/zones", &mib).0, 400, "a mebibyte is read");
-    assert_eq!(send(address, "PUT", "/zones", &format!("{mib} ")).0, 413);
+    assert_eq!(send(address, "PUT", "/drawing", &mib).0, 400, "a mebibyte is read");
+    assert_eq!(send(address, "PUT", "/drawing", &format!("{mib} ")).0, 413);
     let chunked = format!(
-        "PUT /zones HTTP/1.1\nHost: localhost\nConnection: close\nContent-Type: application/json\n\
+        "PUT /drawing HTTP/1.1\nHost: localhost\nConnection: close\nContent-Type: application/json\n\
          Transfer-Encoding: chunked\n\n100001\n{mib} \n0\n\n"
     );
     assert_eq!(ask(&chunked).0, 413);
     let many = json!({ "zones": [{ "polygon": vec![[0.0, 1.0]; 5001] }] });
     assert_eq!(send(address, "POST", "/outlines", &many.to_string()).0, 400);
     assert_eq!(scene_text(folder.path()), before);
-}
-
-/// Draws a zone, names it, drags two of its corners, undoes one, and saves.
-#[test]
-fn a_zone_drawn_in_a_chromium_is_saved_as_it_was_left() {
-    let folder = room();
-    let address = served(folder.path());
-    let before = scene_text(folder.path());
-    let Some(mut page) = Page::open(&format!("http://{address}/")) else { return };
-    page.wait_until("document.querySelectorAll('#cameras [data-outline]').length > 0");
-    // On the plan, in the list, and in a camera.
-    let shown = page.value("document.documentElement.outerHTML");
-    let shown = shown.as_str().unwrap();
-    for part in [">door &lt;1&gt;</text>", "Kind of zone door", "data-camera=\"Küche links\""] {
-        assert!(shown.contains(part), "no `{part}` in:\n{shown}");
-    }
-    assert!(
-        page.value("document.getElementById('unsaved').hidden && document.getElementById('undo').disabled")
-            == true
-    );
-
-    let plan = room_json(address)["plan"].clone();
-    let number = |value: &Value| value.as_f64().unwrap();
-    // Place in the window of a place of the floor, metres.
-    let at = |page: &mut Page, x: f64, y: f64| -> [f64; 2] {
-        let scale = number(&plan["px_per_m"]);
-        let u = number(&plan["corner_px"][0]) + (x - number(&plan["low"][0])) * scale;
-        let v = number(&plan["corner_px"][1]) + (number(&plan["high"][1]) - y) * scale;
-        let place = page.value(&format!(
-            "(({{x, y}}) => [x, y])(new DOMPoint({u}, {v}).matrixTransform(document.getElementById('plan').getScreenCTM()))"
-        ));
-        serde_json::from_value(place).unwrap()
-    };
-    page.click("#draw");
-    page.wait_until("document.getElementById('draw').ariaPressed === 'true'");
-    for (x, y) in [(1.0, 1.0), (2.0, 1.0), (2.0, 2.0)] {
-        let corner = at(&mut page, x, y);
-        page.drag(&[corner]);
-    }
-    page.press("Enter", 0);
-    page.wait_until("document.querySelectorAll('#zones input').length === 2 && document.activeElement.matches('#zones input')");
-    page.value("document.activeElement.select()");
-    page.type_text("gate");
-
-    let corner = |index: usize| format!("#plan [data-corner='{index}']");
-    let label = |page: &mut Page, index: usize| -> String {
-        let label = page.value(&format!("document.querySelector(\"{}\").ariaLabel", corner(index)));
-        label.as_str().unwrap().to_owned()
-    };
-    let drag = |page: &mut Page, index: usize, x: f64, y: f64| {
-        let [from, to] = [page.middle_of(&corner(index)), at(page, x, y)];
-        let middle = [0, 1].map(|axis| 0.5 * (from[axis] + to[axis]));
-        page.drag(&[from, middle, to]);
-    };
-    drag(&mut page, 1, 4.0, 1.0);
-    let left = label(&mut page, 2);
-    drag(&mut page, 2, 4.0, 4.0);
-    assert_ne!(label(&mut page, 2), left, "the corner was not moved");
-    page.click("#undo");
-    assert_eq!(label(&mut page, 2), left);
-    assert!(page.value("document.getElementById('unsaved').hidden") == false);
-    assert_eq!(scene_text(folder.path()), before, "written before it is saved");
-    page.press("s", CTRL);
-    page.wait_until("document.getElementById('message').textContent === 'Saved.'");
-    assert!(page.value("document.getElementById('unsaved').hidden") == true);
-
-    let after = scene_text(folder.path());
-    let added = after.strip_prefix(&before).expect("the zone follows what was there");
-    assert!(added.starts_with("\n[[zone]]\nname = \"gate\"\npolygon = "), "{added}");
-    let zones = Room::read(folder.path()).unwrap().zones;
-    assert_eq!((zones.len(), zones[1].kind), (2, ZoneKind::Both));
-    // A pixel of the window is less than 3 cm of this floor.
-    for (corner, (x, y)) in zones[1].polygon.0.iter().zip([(1.0, 1.0), (4.0, 1.0), (2.0, 2.0)]) {
-        assert!((corner - Point2::new(x, y)).amax() < 0.06, "{corner} is not at {x}, {y}");
-    }
 }
