@@ -238,6 +238,23 @@ mod tests {
     }
 
     #[test]
+    fn a_full_disk_leaves_the_files_of_an_earlier_run_alone() {
+        if !Path::new("/dev/full").exists() {
+            return;
+        }
+        let (folder, prepared) = (tempfile::tempdir().unwrap(), prepared());
+        let earlier = folder.path().join("tracks.txt");
+        std::fs::write(&earlier, "earlier\n").unwrap();
+        // A device that is always full has the name of the file with a line in each frame.
+        std::os::unix::fs::symlink("/dev/full", folder.path().join("tracks.jsonl")).unwrap();
+        let mut files = TrackFiles::new(folder.path(), &prepared);
+        assert!(files.write(1, 0.0, &[], &[]).unwrap_err().to_string().contains("tracks.jsonl"));
+        files.finish().unwrap();
+        assert_eq!(std::fs::read(&earlier).unwrap(), b"earlier\n");
+        assert!(!folder.path().join("boxes").exists());
+    }
+
+    #[test]
     fn a_line_that_is_still_being_written_is_no_error_but_a_broken_one_is() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("tracks.jsonl");
