@@ -342,8 +342,9 @@ mod tests {
             let words = std::iter::once(&"program").chain(words);
             argument_problem(&<Arguments as clap::Parser>::try_parse_from(words).unwrap_err())
         };
-        let said = problem(&["--threads", "9\u{1b}[2J\n9"]);
-        assert!(said.starts_with("invalid value '9\\u{1b}[2J 9' for '--threads <THREADS>'"), "{said}");
+        let said = problem(&["--threads", "9\u{1b}[2J\u{7}\n9"]);
+        assert!(said.starts_with("invalid value '9") && said.contains("for '--threads <THREADS>'"), "{said}");
+        assert!(said.contains("\\u{7}") && !said.contains(char::is_control), "{said}");
         let said = problem(&["--thread", "9"]);
         assert!(said.contains("unexpected argument '--thread'; tip: a similar argument"), "{said}");
         let said = problem(&[]);

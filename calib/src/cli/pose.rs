@@ -201,7 +201,7 @@ fn read_picks(path: &Path) -> anyhow::Result<Vec<Pick>> {
         ];
         for (column, value, range) in columns {
             if let Some(problem) = range.defect(value) {
-                bail!("{name}: point {}: {column} {problem}", index + 1);
+                bail!("{name}: pick {}: {column} {problem}", index + 1);
             }
         }
         picks.push(Pick { world: [row.x, row.y, row.z].into(), pixel: Point2::new(row.u, row.v) });

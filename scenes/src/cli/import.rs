@@ -58,9 +58,6 @@ fn shift(text: &str) -> Result<DVec3, String> {
 
 impl Import {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
-        let of_cameras = self.camera.iter().flat_map(|(_, lens, pose)| [lens, pose]);
-        let inputs = self.model.iter().chain(&self.geometry).chain(of_cameras);
-        Outputs::new([self.out.as_path()]).refuse(inputs)?;
         let mut cameras = self.model.as_deref().map(exchange::cameras).transpose()?.unwrap_or_default();
         for (name, lens, pose) in &self.camera {
             cameras.push(calib_files::camera(name, lens, pose)?);
@@ -85,6 +82,9 @@ impl Import {
             "{}: --out: a {GEOMETRY_FILE} of no room stands there and would be lost; name a new directory",
             self.out.display()
         );
+        let of_cameras = self.camera.iter().flat_map(|(_, lens, pose)| [lens, pose]);
+        let inputs = self.model.iter().chain(&self.geometry).chain(of_cameras);
+        Outputs::new([self.out.as_path()]).refuse(inputs)?;
         Ok(Room { cameras, geometry, ..Room::default() }.write(&self.out)?)
     }
 }

@@ -31,14 +31,13 @@ pub fn write(path: &Path, map: &DepthMap) -> Result<()> {
 /// [`Error::Io`], or [`Error::Content`] when it is no 16-bit grey PNG.
 pub fn read(path: &Path) -> Result<DepthMap> {
     let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
-    if image::guess_format(&bytes).ok() != Some(ImageFormat::Png) {
-        return Err(Error::content(
-            path,
-            "image",
-            "this is no PNG; a depth map is one (16-bit grey, millimetres)",
-        ));
-    }
-    let DynamicImage::ImageLuma16(picture) = calib::picture::decode(path, &bytes)? else {
+    let decoded = calib::picture::decode(path, &bytes).map_err(|e| match e {
+        calib::Error::Content { problem, .. } => {
+            Error::content(path, "image", format!("this is no PNG that can be read: {problem}"))
+        }
+        other => other.into(),
+    })?;
+    let DynamicImage::ImageLuma16(picture) = decoded else {
         return Err(Error::content(path, "image", "a depth map is a 16-bit grey PNG (millimetres)"));
     };
     let (width, height) = picture.dimensions();

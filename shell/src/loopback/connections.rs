@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::Router;
-use axum::body::{Body, to_bytes};
+use axum::body::{Body, HttpBody, to_bytes};
 use axum::extract::Request;
 use axum::middleware::{Next, from_fn};
 use axum::response::{IntoResponse, Response};
@@ -122,6 +122,9 @@ pub(super) async fn with_whole_body(request: Request, next: Next) -> Response {
     let connection = request.extensions().get::<Connection>().cloned();
     let waiting = connection.as_ref().map(Connection::wait_for_client);
     let (head, body) = request.into_parts();
+    if body.size_hint().lower() > MOST_BODY_BYTES as u64 {
+        return Answer::error(413, "the body is larger than 1 MiB").into_response();
+    }
     let body = match timeout(PATIENCE, to_bytes(body, MOST_BODY_BYTES)).await {
         Ok(Ok(body)) => body,
         Ok(Err(e)) => {

@@ -10,7 +10,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
-use shell::ranges::{COST, FRAME_NUMBER, PIXELS, ROOM_M, shown};
+use shell::ranges::{FRAME_NUMBER, PIXELS, ROOM_M, shown};
 
 use crate::{Error, Result};
 
@@ -180,9 +180,6 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
             return Err(format!("{} {problem}", COLUMNS[index]));
         }
     }
-    if let Some(problem) = column(6).and_then(|confidence| COST.defect(confidence)) {
-        return Err(format!("confidence {problem}"));
-    }
     let attribute =
         |index: usize| column(index).filter(|value| pixel_box.is_some() && (*value + 1.0).abs() > 0.0);
     if pixel_box.is_none() && position.is_none() {
@@ -249,7 +246,6 @@ mod tests {
             ("4000000001,1,1,1,5,5,1", "1 to 4000000000"),
             ("1,1,1,1e300,5,5,1", "top is 1e300; give -1000000 to 1000000 pixels"),
             ("1,1,-1,-1,-1,-1,1,0,20000,0", "y is 20000; give -10000 to 10000 metres"),
-            ("1,1,1,1,5,5,1e300", "confidence is 1e300"),
             ("0,1,1,1,5,5,1", "frames are"),
             ("1.5,1,1,1,5,5,1", "frames are"),
             ("1,-2,1,1,5,5,1", "ids are"),

@@ -24,6 +24,8 @@ pub struct TrackFiles {
     boxes: Vec<(calib::Camera, LineFile)>,
     names: Vec<String>,
     clock: Option<Clock>,
+    /// Whether a file could not be written.
+    has_failed: bool,
 }
 
 impl TrackFiles {
@@ -36,6 +38,7 @@ impl TrackFiles {
             boxes: prepared.cameras.iter().map(|c| (c.filmed.clone(), boxes(&c.name))).collect(),
             names: prepared.cameras.iter().map(|c| c.name.clone()).collect(),
             clock: None,
+            has_failed: false,
         }
     }
 
@@ -73,6 +76,18 @@ impl TrackFiles {
         people: &[PersonEstimate],
         set_aside: &[(usize, Verdict)],
     ) -> Result<()> {
+        let written = self.write_frame(frame, time_s, people, set_aside);
+        self.has_failed |= matches!(written, Err(Error::Io { .. }));
+        written
+    }
+
+    fn write_frame(
+        &mut self,
+        frame: u32,
+        time_s: f64,
+        people: &[PersonEstimate],
+        set_aside: &[(usize, Verdict)],
+    ) -> Result<()> {
         let line = FrameLine::new(frame, time_s, people, &self.names, set_aside, self.clock.as_ref());
         let heights = people.iter().map(|p| p.z_m.is_finite());
         if let Some((odd, _)) =
@@ -84,6 +99,9 @@ impl TrackFiles {
                 format!("person {} was given a number that is not finite", odd.id),
             ));
         }
+        // This file gets a line in each frame: a full disk shows here, before the others of an earlier run are replaced.
+        let json = line.text(self.json.path())?;
+        self.json.append(&json)?;
         let mut floor = String::new();
         for (person, estimate) in line.people.iter().zip(people) {
             let (x, y) = (person.x, person.y);
@@ -112,15 +130,18 @@ impl TrackFiles {
             }
             file.append(&rows)?;
         }
-        let json = line.text(self.json.path())?;
-        self.json.append(&json)
+        Ok(())
     }
 
-    /// Creates files that are still missing, as after a run without frames.
+    /// Creates files that are still missing, as after a run without people; not after a failure, such as a full disk, since
+    /// older ones may stand there.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.
     pub fn finish(mut self) -> Result<()> {
+        if self.has_failed {
+            return Ok(());
+        }
         let boxes = self.boxes.iter_mut().map(|(_, file)| file);
         [&mut self.floor, &mut self.json].into_iter().chain(boxes).try_for_each(|file| file.append(""))
     }
@@ -214,6 +235,23 @@ mod tests {
         for name in ["tracks.txt", "tracks.jsonl", "boxes/left.txt", "boxes/right.txt"] {
             assert_eq!(std::fs::read(folder.path().join(name)).unwrap(), b"", "{name}");
         }
+    }
+
+    #[test]
+    fn a_full_disk_leaves_the_files_of_an_earlier_run_alone() {
+        if !Path::new("/dev/full").exists() {
+            return;
+        }
+        let (folder, prepared) = (tempfile::tempdir().unwrap(), prepared());
+        let earlier = folder.path().join("tracks.txt");
+        std::fs::write(&earlier, "earlier\n").unwrap();
+        // A device that is always full has the name of the file with a line in each frame.
+        std::os::unix::fs::symlink("/dev/full", folder.path().join("tracks.jsonl")).unwrap();
+        let mut files = TrackFiles::new(folder.path(), &prepared);
+        assert!(files.write(1, 0.0, &[], &[]).unwrap_err().to_string().contains("tracks.jsonl"));
+        files.finish().unwrap();
+        assert_eq!(std::fs::read(&earlier).unwrap(), b"earlier\n");
+        assert!(!folder.path().join("boxes").exists());
     }
 
     #[test]
