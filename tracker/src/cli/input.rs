@@ -199,8 +199,10 @@ impl RunInput {
             stations.push(built.station);
             scenes.extend(built.backdrop);
         }
-        for finding in views::compare(room, &args.room, &scenes)?.1 {
-            tracing::warn!("{finding}");
+        if !scenes.is_empty() {
+            for finding in views::compare(room, &args.room, &scenes)?.1 {
+                tracing::warn!("{finding}");
+            }
         }
         if is_searched {
             tracing::info!("looking for the offsets between the recordings");
