@@ -1,4 +1,4 @@
-//! Pages that a program serves to its own machine: the common part of the zone editor's server and the tracker's.
+//! Pages that a program serves to its own machine: the common part of the editor's server and the tracker's.
 //!
 //! A page of another site must not reach these servers. So on the loopback the `Host` has to be the loopback's (a name
 //! that a foreign DNS server resolves to 127.0.0.1 is refused), an `Origin` has to be the server's own, and no answer may
