@@ -138,14 +138,15 @@ fn outputs_that_are_or_hold_inputs_are_refused() {
     symlink("frames", folder.path("shown")).unwrap();
     folder.write("labels.txt", ROWS);
     folder.write("run/tracks.jsonl", "");
-    folder.write("lens.toml", "");
+    let exported = run(&folder, "scenes export room --format nerfstudio --out transforms.json");
+    assert!(exported.status.success(), "{}", String::from_utf8_lossy(&exported.stderr));
     let before = folder.files();
     for line in [
         "scenes plan room --out room/scene.toml",
         "scenes depth room --camera a --out room/../room/scene.toml",
         "scenes export room --format nerfstudio --out room/scene.toml",
         "scenes export room --format colmap --out room",
-        "scenes import --camera a=lens.toml,det.txt --out .",
+        "scenes import transforms.json --out .",
         "calib pose --size 64x48 --picks det.txt --out link.txt",
         "tracker link det.txt --out det.txt",
         "tracker link det.txt --out link.txt",
