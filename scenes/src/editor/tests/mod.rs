@@ -2,8 +2,10 @@
 //! browser.
 
 mod browser;
+mod editor_page;
 mod outline;
 mod page;
+mod saving;
 mod server;
 
 use calib::{Camera, Intrinsics};

@@ -108,7 +108,9 @@ fn additions_and_removals_of_both_sides_are_kept() {
 
 #[test]
 fn what_changed_on_both_sides_is_told_and_saved_only_when_asked_to() {
-    let change: [(fn(&mut EditedDrawing), &str, &str, &str); 6] = [
+    /// What is edited, what another program replaces by what, and words of the refusal.
+    type Case = (fn(&mut EditedDrawing), &'static str, &'static str, &'static str);
+    let changes: [Case; 6] = [
         (
             |all| all.zones[0].item.polygon.0[2].y = 3.0,
             "[1, 1],\n]",
@@ -131,7 +133,7 @@ fn what_changed_on_both_sides_is_told_and_saved_only_when_asked_to() {
         ),
         (|all| all.floor.clear(), "[9.0, 9.0]]]", "[9.0, 7.0]]]", "[floor]: changed both"),
     ];
-    for (edit, from, to, words) in change {
+    for (edit, from, to, words) in changes {
         let (folder, base, mut edits) = loaded();
         outside(folder.path(), from, to);
         let before = text(folder.path());
@@ -161,8 +163,9 @@ fn the_same_change_on_both_sides_is_no_conflict() {
 
 #[test]
 fn a_drawing_that_no_room_may_have_is_refused_as_the_reader_refuses_it() {
+    type Case = (fn(&mut Drawing), &'static str);
     let folder = room(SCENE);
-    let bad: [(fn(&mut Drawing), &str); 5] = [
+    let bad: [Case; 5] = [
         (|all| all.regions[0].name = "gate".into(), "region 1 (`gate`): another zone has the same name"),
         (|all| all.lines[0].points.truncate(1), "line 1 (`till`): a line needs at least 2 points"),
         (|all| all.regions[0].dwell_s = Some(-1.0), "dwell_s is -1"),
