@@ -108,7 +108,7 @@ fn tracks(out: &Path) -> [Vec<u8>; 2] {
 
 /// Asserts that all frames came, and pictures in order, then the end, and a picture of this size for each camera.
 fn saw(watched: &Watched, size: (u32, u32), cameras: usize, frames: u64) {
-    assert_eq!(watched.frames, Vec::from_iter(1..=frames));
+    assert_eq!(watched.frames, (1..=frames).collect::<Vec<_>>());
     let drawn = &watched.drawn;
     assert!(watched.has_ended && !drawn.is_empty() && drawn.is_sorted(), "{drawn:?}");
     assert!(drawn.iter().all(|frame| (1..=frames).contains(frame)), "{drawn:?}");

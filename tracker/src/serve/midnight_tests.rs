@@ -92,7 +92,7 @@ fn a_day_that_ends_while_somebody_is_there_loses_and_doubles_nothing() {
     assert!(before.iter().all(|row| row.clock.as_deref().unwrap().starts_with("2026-11-27T23:59:5")));
     assert!(after.iter().all(|row| row.clock.as_deref().unwrap().starts_with("2026-11-28T00:00:0")));
     let frames: Vec<u32> = before.iter().chain(&after).map(|row| row.frame).collect();
-    assert_eq!(frames, Vec::from_iter(1..=100), "every moment stands in one of the two files");
+    assert_eq!(frames, (1..=100).collect::<Vec<u32>>(), "every moment stands in one of the two files");
     let ids: BTreeSet<u32> =
         before.iter().chain(&after).flat_map(|row| &row.people).map(|person| person.id.0).collect();
     assert_eq!(ids, BTreeSet::from([id]));
