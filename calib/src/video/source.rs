@@ -87,21 +87,10 @@ impl FrameSource {
     }
 
     fn of_images(spec: &str, images: Images) -> Result<Self> {
-        let (width, height) = images.size()?;
-        Ok(Self {
-            name: spec.to_owned(),
-            width,
-            height,
-            rate: None,
-            expected: Some(images.len()),
-            delivered: 0,
-            frame_size: (width, height),
-            stamp: FrameStamp::now(),
-            is_ahead: false,
-            is_at_end: false,
-            kind: SourceKind::Images,
-            pictures: PictureReader::Images(images),
-        })
+        let (size, expected) = (images.size()?, Some(images.len()));
+        let pictures = PictureReader::Images(images);
+        let first = Self::of_first_picture(spec, SourceKind::Images, size, None, pictures);
+        Ok(Self { expected, is_ahead: false, ..first })
     }
 
     fn open_file(spec: &str) -> Result<Self> {
@@ -135,21 +124,34 @@ impl FrameSource {
         if !decoder.advance() {
             return Err(undecodable("there is no picture in it, or one of more than 200 megapixels"));
         }
-        let (width, height) = decoder.size();
-        Ok(Self {
+        let (size, rate) = (decoder.size(), decoder.rate_hz());
+        let expected = decoder.frames().filter(|_| kind == SourceKind::File);
+        let pictures = PictureReader::Video(Box::new(decoder));
+        Ok(Self { expected, ..Self::of_first_picture(spec, kind, size, rate, pictures) })
+    }
+
+    /// Source whose reader is at its first picture.
+    fn of_first_picture(
+        spec: &str,
+        kind: SourceKind,
+        (width, height): (u32, u32),
+        rate: Option<f64>,
+        pictures: PictureReader,
+    ) -> Self {
+        Self {
             name: spec.to_owned(),
             width,
             height,
-            rate: decoder.rate_hz(),
-            expected: decoder.frames().filter(|_| kind == SourceKind::File),
+            rate,
+            expected: None,
             delivered: 0,
             frame_size: (width, height),
             stamp: FrameStamp::now(),
             is_ahead: true,
             is_at_end: false,
             kind,
-            pictures: PictureReader::Video(Box::new(decoder)),
-        })
+            pictures,
+        }
     }
 
     #[cfg(target_os = "linux")]
@@ -159,21 +161,9 @@ impl FrameSource {
         if !device.advance() {
             return Err(cannot("sends no picture; is another program using it?".to_owned()));
         }
-        let (width, height) = device.size();
-        Ok(Self {
-            name: spec.to_owned(),
-            width,
-            height,
-            rate: device.rate_hz(),
-            expected: None,
-            delivered: 0,
-            frame_size: (width, height),
-            stamp: FrameStamp::now(),
-            is_ahead: true,
-            is_at_end: false,
-            kind: SourceKind::Live,
-            pictures: PictureReader::Device(Box::new(device)),
-        })
+        let (size, rate) = (device.size(), device.rate_hz());
+        let pictures = PictureReader::Device(Box::new(device));
+        Ok(Self::of_first_picture(spec, SourceKind::Live, size, rate, pictures))
     }
 
     #[cfg(not(target_os = "linux"))]

@@ -225,6 +225,8 @@ impl Evaluation {
 }
 
 #[cfg(test)]
+mod confidence_tests;
+#[cfg(test)]
 mod mot15_tests;
 #[cfg(test)]
 mod tests;
