@@ -73,7 +73,8 @@ fn real_path(path: &Path) -> PathBuf {
 
 /// Whether two paths are names of one file (hard links).
 fn is_same_file(a: &Path, b: &Path) -> bool {
-    let identity = |path: &Path| path.metadata().ok().filter(|m| m.is_file()).map(|m| (m.dev(), m.ino()));
+    let identity =
+        |path: &Path| path.metadata().ok().filter(std::fs::Metadata::is_file).map(|m| (m.dev(), m.ino()));
     identity(a).is_some_and(|identity_of_a| Some(identity_of_a) == identity(b))
 }
 

@@ -18,12 +18,11 @@ impl<'a> Authority<'a> {
             None => text.find(':').unwrap_or(text.len()),
         };
         let (host, rest) = text.split_at(end);
-        let is_host = match host.strip_prefix('[') {
-            Some(address) => address.strip_suffix(']')?.parse::<Ipv6Addr>().is_ok(),
-            None => {
-                let fits = |c: u8| c.is_ascii_alphanumeric() || matches!(c, b'-' | b'.' | b'_');
-                !host.is_empty() && host.bytes().all(fits)
-            }
+        let is_host = if let Some(address) = host.strip_prefix('[') {
+            address.strip_suffix(']')?.parse::<Ipv6Addr>().is_ok()
+        } else {
+            let fits = |c: u8| c.is_ascii_alphanumeric() || matches!(c, b'-' | b'.' | b'_');
+            !host.is_empty() && host.bytes().all(fits)
         };
         let port = match rest.strip_prefix(':') {
             // A sign would be parsed, too.

@@ -31,7 +31,7 @@ use super::Answer;
 /// Longest duration of a handshake, of a request's head, and of its body.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Longest duration of an answer; a page's questions wait for news for ten seconds.
-const LONGEST_ANSWER: Duration = Duration::from_secs(60);
+const LONGEST_ANSWER: Duration = Duration::from_mins(1);
 /// Time after which a request that is worked on may be given up for a new connection.
 const BUSY_FOR: Duration = Duration::from_secs(1);
 /// Pause after an error of the socket, such as too many open files.

@@ -13,9 +13,18 @@ const INTERRUPTED: i32 = 128 + SIGINT;
 /// Returns a flag that Ctrl-C, SIGTERM and SIGHUP set from now on; when it is already set, they end the program at once. A
 /// program that was started to ignore SIGHUP, as by `nohup`, goes on ignoring it.
 pub(super) fn watch() -> io::Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
     let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
-    for signal in [SIGINT, SIGTERM].into_iter().chain(hang_up) {
+    watch_signals([SIGINT, SIGTERM].into_iter().chain(hang_up))
+}
+
+/// The same for a service, which reads its file again at SIGHUP: the flag of Ctrl-C and SIGTERM.
+pub(super) fn watch_as_service() -> io::Result<Arc<AtomicBool>> {
+    watch_signals([SIGINT, SIGTERM])
+}
+
+fn watch_signals(signals: impl IntoIterator<Item = i32>) -> io::Result<Arc<AtomicBool>> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    for signal in signals {
         // In this order: the first signal must find the flag unset.
         flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))?;
         flag::register(signal, Arc::clone(&interrupted))?;

@@ -10,7 +10,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
-use shell::ranges::{FRAME_NUMBER, PIXELS, ROOM_M, shown};
+use shell::ranges::{FRAME_NUMBER, PIXELS, ROOM_M};
 
 use crate::{Error, Result};
 

@@ -29,7 +29,7 @@ const FAREWELL: Duration = Duration::from_mins(1);
 /// Follows the rooms of the site until the program is asked to end.
 pub(super) fn supervise(file: &Path, console: &Console, verbose: u8) -> anyhow::Result<()> {
     let plan = SitePlan::read(file)?;
-    let is_ended = interrupt::watch().context("the signals that end a service")?;
+    let is_ended = interrupt::watch_as_service().context("the signals that end a service")?;
     let is_reloaded = Arc::new(AtomicBool::new(false));
     flag::register(SIGHUP, Arc::clone(&is_reloaded)).context("the signal that reads the file again")?;
     let mut supervisor = Supervisor::start(plan, console, verbose)?;
