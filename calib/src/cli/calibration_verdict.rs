@@ -28,20 +28,17 @@ impl CalibrationVerdict {
     pub(super) fn of(found: &Calibration) -> Self {
         let k = &found.intrinsics;
         let (columns, rows) = GRID;
-        match RayUncertainty::of(k, &found.views, CORNER_SIGMA_PX) {
-            Some(uncertainty) => Self { rays: uncertainty.over_picture(columns, rows), is_known: true },
-            None => {
-                let pixel = |i: u32| {
-                    let part = |i: u32, count: u32, side: u32| {
-                        f64::from(i) / f64::from(count - 1) * (f64::from(side) - 1.0)
-                    };
-                    Point2::new(part(i % columns, columns, k.width), part(i / columns, rows, k.height))
-                };
-                let sigma = |pixel: &Point2<f64>| k.unproject(pixel).map(|_| f64::NAN);
-                let rays = (0..columns * rows).map(pixel).map(|pixel| (pixel, sigma(&pixel)));
-                Self { rays: rays.collect(), is_known: false }
-            }
+        if let Some(uncertainty) = RayUncertainty::of(k, &found.views, CORNER_SIGMA_PX) {
+            return Self { rays: uncertainty.over_picture(columns, rows), is_known: true };
         }
+        let pixel = |i: u32| {
+            let part =
+                |i: u32, count: u32, side: u32| f64::from(i) / f64::from(count - 1) * (f64::from(side) - 1.0);
+            Point2::new(part(i % columns, columns, k.width), part(i / columns, rows, k.height))
+        };
+        let sigma = |pixel: &Point2<f64>| k.unproject(pixel).map(|_| f64::NAN);
+        let rays = (0..columns * rows).map(pixel).map(|pixel| (pixel, sigma(&pixel)));
+        Self { rays: rays.collect(), is_known: false }
     }
 
     /// Share of the picture that has no ray, because the lens model folds back on itself, percent.
@@ -142,7 +139,7 @@ impl CalibrationVerdict {
             match self.at(near(x, k.width, columns), near(y, k.height, rows)) {
                 None => Rgb([200, 30, 30]),
                 Some(sigma) => {
-                    let part = ((sigma.max(1e-3).log10() + 1.0) / 2.0).clamp(0.0, 1.0);
+                    let part = sigma.max(1e-3).log10().midpoint(1.0).clamp(0.0, 1.0);
                     let mix = |from: f64, to: f64| (from + part * (to - from)).round() as u8;
                     Rgb([mix(20.0, 250.0), mix(30.0, 220.0), mix(80.0, 60.0)])
                 }

@@ -236,7 +236,7 @@ mod tests {
     fn picks(camera: &Camera, count: usize) -> Vec<Pick> {
         let pick = |i: usize| {
             let part = |step: f64| (i as f64 * step + 0.3).fract();
-            let height = if i % 2 == 0 { 0.0 } else { 1.8 * part(0.29) };
+            let height = if i.is_multiple_of(2) { 0.0 } else { 1.8 * part(0.29) };
             let world = Point3::new(2.4 * part(0.618) - 1.2, 2.4 * part(0.414) - 1.2, height);
             let error = Vector2::new(part(0.77) - 0.5, part(0.53) - 0.5);
             Pick { world, pixel: camera.project(&world).unwrap() + error }

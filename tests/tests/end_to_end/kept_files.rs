@@ -27,7 +27,8 @@ fn on_a_full_disk(folder: &Folder, bytes: usize, name: &str, arguments: &[&str])
 fn assert_whole(folder: &Folder, line: &str) {
     for (path, content) in folder.files().into_iter().filter(|(path, _)| path.is_file()) {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        assert!(!content.is_empty() || name.ends_with(".txt"), "{line}: {name} is empty");
+        let is_text = path.extension().is_some_and(|extension| extension == "txt");
+        assert!(!content.is_empty() || is_text, "{line}: {name} is empty");
         assert!(!name.contains(".writing") && !name.contains("partial"), "{line}: {name} was left");
     }
 }
@@ -39,7 +40,7 @@ fn a_full_disk_is_told_and_takes_nothing_away() {
     for frame in 1..=6 {
         folder.picture(&format!("a/{frame}.png"), &RgbImage::from_fn(320, 240, noisy(frame)));
     }
-    let rows: String = (1..400).map(|frame| format!("{frame},-1,10,10,30,60,0.9\n")).collect();
+    let rows = (1..400).fold(String::new(), |rows, frame| rows + &format!("{frame},-1,10,10,30,60,0.9\n"));
     folder.write("det.txt", rows);
     folder.write("older.txt", "as it was\n");
     let room = office().join("room");

@@ -33,7 +33,7 @@ impl Editor {
     /// Head of the answer to a request.
     fn ask(&self, host: &str, more: &str) -> String {
         let mut stream = TcpStream::connect(self.address).expect("a connection");
-        stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a timeout");
+        stream.set_read_timeout(Some(Duration::from_mins(1))).expect("a timeout");
         let request = format!("GET /room.json HTTP/1.1\r\nHost: {host}\r\n{more}Connection: close\r\n\r\n");
         stream.write_all(request.as_bytes()).expect("a request");
         let mut answer = Vec::new();

@@ -104,7 +104,7 @@ impl MasksArgs {
             progress.advance();
         }
         if self.outlines {
-            picture::write(&folder.join("background.jpg"), &foreground.background())?;
+            picture::write(&folder.join("background.jpg"), foreground.background())?;
         }
         Ok(())
     }

@@ -75,7 +75,9 @@ mod tests {
 
     fn of(vectors: &[&[f32]]) -> MeanVector {
         let mut mean = MeanVector::default();
-        vectors.iter().for_each(|vector| mean.add_box(vector));
+        for vector in vectors {
+            mean.add_box(vector);
+        }
         mean
     }
 

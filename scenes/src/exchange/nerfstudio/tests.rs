@@ -78,7 +78,8 @@ fn a_frames_distortion_parameters_come_first() {
     assert!(lens("\"distortion_params\": [0.1, 0.2]").unwrap_err().contains("2 numbers"));
     // A frame's own numbers replace those for all frames as a whole.
     std::fs::write(&path, SHARED.replace("\"w\": 64", &format!("{params}, \"w\": 64"))).unwrap();
-    assert_eq!(<[f64; 5]>::from(read(&path).unwrap()[0].camera.intrinsics.distortion), expected);
+    let found = <[f64; 5]>::from(read(&path).unwrap()[0].camera.intrinsics.distortion);
+    assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits));
 }
 
 #[test]
