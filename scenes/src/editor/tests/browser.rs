@@ -138,10 +138,11 @@ impl Page {
         reply["result"]["value"].take()
     }
 
-    /// Waits until a JavaScript condition holds.
+    /// Waits until a JavaScript condition holds. One that cannot be computed, as while the page is loaded, does not hold yet.
     pub(super) fn wait_until(&mut self, condition: &str) {
         let started = Instant::now();
-        while self.value(condition) != true {
+        let holds = format!("(() => {{ try {{ return {condition}; }} catch {{ return false; }} }})()");
+        while self.value(&holds) != true {
             let waited = started.elapsed();
             assert!(waited < PATIENCE, "{condition}:\n{}", self.value("document.body.outerHTML"));
             thread::sleep(Duration::from_millis(20));
