@@ -346,7 +346,7 @@ mod tests {
         assert!(said.starts_with("invalid value '9") && said.contains("for '--threads <THREADS>'"), "{said}");
         assert!(!said.contains(char::is_control), "{said}");
         let said = problem(&["--thread", "9"]);
-        assert!(said.contains("unexpected argument '--thread'; tip: a similar argument"), "{said}");
+        assert!(said.contains("unexpected argument '--thread' found; tip: a similar argument"), "{said}");
         let said = problem(&[]);
         assert!(said.contains("not provided: --threads <THREADS>") && !said.contains('\n'), "{said}");
     }
