@@ -23,7 +23,7 @@ pub enum Error {
         /// Problem, and what to do about it.
         problem: String,
     },
-    /// What was edited was changed in the file, too.
+    /// Another program has changed in the file the same items that the editor is about to save.
     #[error("{path}: {conflicts}; load it again and make the change again, or save over it")]
     Conflict {
         /// The file.

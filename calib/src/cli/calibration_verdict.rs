@@ -16,7 +16,7 @@ const UNCERTAIN_PX: f64 = 5.0;
 /// Points of the picture at which rays are looked at, across and down; odd, so that there is a middle.
 const GRID: (u32, u32) = (33, 25);
 
-/// What the views say about a calibration.
+/// Judgement of a calibration by its views: the uncertainty of rays over the picture.
 pub(super) struct CalibrationVerdict {
     /// Pixels of the grid, and the standard deviations of their rays in pixels.
     rays: Vec<(Point2<f64>, Option<f64>)>,
@@ -89,7 +89,7 @@ impl CalibrationVerdict {
         ))
     }
 
-    /// What a person should know before this calibration is used.
+    /// Warnings about the calibration for the person who is going to use it.
     pub(super) fn warnings(&self, found: &Calibration) -> Vec<String> {
         let mut warnings = Vec::new();
         if found.rms_px >= BAD_RMS_PX {

@@ -4,8 +4,8 @@ use std::cmp::Ordering;
 
 /// Sorts names: digits by the number that they write, all else as text. Equal numbers (`1`, `01`) are ordered as text.
 ///
-/// Where names hold decimals (times in seconds, such as `12.5.png` and `12.25.png`), the digits after the point are a
-/// fraction. Programs write no zeros at the end of a decimal, so digits after a point that end in one, and differ in
+/// Decimals in names (times in seconds, such as `12.5.png` and `12.25.png`) are read as such: the digits after the point are
+/// a fraction. Programs write no zeros at the end of a decimal, so digits after a point that end in one, and differ in
 /// number from name to name, are a number of their own (`2.9.png`, `2.10.png`).
 pub(super) fn sort_by_number<T>(entries: &mut [T], name: impl Fn(&T) -> String) {
     let names: Vec<String> = entries.iter().map(&name).collect();

@@ -80,7 +80,7 @@ pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
 }
 
 /// Locks a room for one build at a time, by a file in the folder that it is, or will be, in: the room itself is replaced.
-/// Where no file can be made, no room can be made, which is told later.
+/// `None` in a folder that cannot be written: the build reports it when it writes the room.
 fn lock(out: &Path) -> anyhow::Result<Option<FolderLock>> {
     let absolute = std::path::absolute(out).with_context(|| out.display().to_string())?;
     let above = absolute.ancestors().skip(1).find(|folder| folder.is_dir()).unwrap_or(Path::new("/"));

@@ -20,8 +20,8 @@ use super::outputs;
 /// or in an image (frame,id,left,top,width,height,confidence; matched on overlap). Rows of the truth whose 7th column
 /// is 0 do not count. Truth with ids of -1 has no identities: then only detection is evaluated.
 ///
-/// Where the truth's boxes have classes in their 8th column, as those of MOT16, MOT17 and MOT20, that protocol is followed:
-/// only people (1) count, and tracks on distractors (still people, reflections, people on vehicles) do not.
+/// Truth with classes in the 8th column of its boxes, as MOT16, MOT17 and MOT20 have, is judged by their protocol: only
+/// people (1) count, and tracks on distractors (still people, reflections, people on vehicles) do not.
 ///
 /// With two folders, every sequence TRUTH/SEQUENCE/truth.txt (or gt/gt.txt) is compared with TRACKS/SEQUENCE.txt (or
 /// SEQUENCE/tracks.txt), each on its own and all together.

@@ -161,7 +161,7 @@ fn warn_of_times(sources: &[CameraSource]) {
     }
     let recorded = |source: &CameraSource| match &source.video {
         Some(VideoSource::Recorded(video)) if video.is_recording() => {
-            // What cannot be read is reported by the run itself.
+            // The run itself reports a film that cannot be read.
             FilmTimes::of_first(&source.name, video.name(), 1).ok()
         }
         _ => None,

@@ -22,7 +22,7 @@ pub struct Finding {
     pub camera: String,
     /// Path of the film as it was given.
     pub film: String,
-    /// What was found, and the mend.
+    /// Problem of the film, and the mend.
     pub text: String,
 }
 

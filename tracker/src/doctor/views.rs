@@ -42,7 +42,7 @@ pub struct EmptyScene {
     pub picture: RgbImage,
 }
 
-/// How a film agrees with the reference picture of its camera.
+/// Agreement of a film with the reference picture of its camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewReport {
     /// The camera's name in the room.

@@ -1,7 +1,7 @@
 //! Re-identification after an encounter: appearance resolves the ambiguities that position cannot.
 //!
-//! Where a detector's boxes carry appearance vectors, each person's newest vectors are compared with those of a longer
-//! time all the while, because a box is a person's own even in a crowd. Colours need people who are apart:
+//! Appearance vectors of a detector's boxes are compared all the while, each person's newest ones with those of a longer
+//! time, because a box belongs to one person even in a crowd. Colours need people who are apart:
 //!
 //! While people are apart, their positions identify them, and their appearance is learnt. Two people whose distance
 //! makes their silhouettes interchangeable have *met*; once they are apart again, their present appearance is compared

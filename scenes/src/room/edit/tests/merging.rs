@@ -15,7 +15,7 @@ fn loaded() -> (TempDir, Drawing, EditedDrawing) {
     (folder, base, edits)
 }
 
-/// What another program does to the file.
+/// Replaces a text in the scene file, as another program would.
 fn outside(dir: &Path, from: &str, to: &str) {
     let before = text(dir);
     assert!(before.contains(from), "no {from}");
@@ -108,7 +108,7 @@ fn additions_and_removals_of_both_sides_are_kept() {
 
 #[test]
 fn what_changed_on_both_sides_is_told_and_saved_only_when_asked_to() {
-    /// What is edited, what another program replaces by what, and words of the refusal.
+    /// Edit, text that another program replaces, its replacement, and words of the refusal.
     type Case = (fn(&mut EditedDrawing), &'static str, &'static str, &'static str);
     let changes: [Case; 6] = [
         (
