@@ -114,7 +114,10 @@ fn parse_row(content: &str) -> std::result::Result<(u32, DetectedBox), String> {
         }
         match values.get_mut(count) {
             Some(column) => *column = value,
-            None => vector.push(value as f32),
+            None if (value as f32).is_finite() => vector.push(value as f32),
+            None => {
+                return Err(format!("{} is {text}; appearance values are at most {:e}", name(), f32::MAX));
+            }
         }
         count += 1;
     }
@@ -176,6 +179,7 @@ mod tests {
             ("1,-1,1,1e300,5,5,1", "top is 1e300; give -1000000 to 1000000 pixels"),
             ("1,-1,1,1,5,5,1,-1,-1,-1,0.5", "1 appearance values"),
             ("1,-1,1,1,5,5,1,-1,-1,-1,x", "column 11"),
+            ("1,-1,1,1,5,5,1,-1,-1,-1,1e300", "column 11 is 1e300"),
             ("\u{0}\u{1}binary", "no number"),
         ] {
             let error = parse(&format!("1,1,0,0,5,5,1\n{bad}\n")).unwrap_err().to_string();
