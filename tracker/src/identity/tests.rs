@@ -108,6 +108,25 @@ fn vectors_give_names_back_without_pictures() {
 }
 
 #[test]
+fn what_was_seen_newly_goes_along_with_an_exchange() {
+    let (mut identities, view) = (Identities::default(), view());
+    let mut asked = |step: u32, vectors: [&[f32]; 2]| {
+        let people = [1, 2].map(|id| {
+            let mut vector = MeanVector::default();
+            (0..3).for_each(|_| vector.add_box(vectors[id as usize - 1]));
+            NamedPerson { id: TrackId(id), body: at(f64::from(id), 0.0), vector }
+        });
+        let time_s = f64::from(step) / 10.0;
+        identities.observe(&[CameraFrame::default()], std::slice::from_ref(&view), &people, time_s)
+    };
+    let (a, b): (&[f32], &[f32]) = (&[1.0, 0.2, 0.1], &[0.4, 1.0, 0.0]);
+    assert!((0..30).all(|step| asked(step, [a, b]).is_empty()));
+    let first = (30..60).find(|step| !asked(*step, [b, a]).is_empty()).expect("an exchange");
+    // The names are right again, and no box says so.
+    assert!((first + 1..first + 20).all(|step| asked(step, [&[], &[]]).is_empty()));
+}
+
+#[test]
 fn colours_and_vectors_decide_together() {
     let (here, like_here): (&[f32], &[f32]) = (&[1.0, 0.2, 0.1], &[1.0, 0.25, 0.1]);
     assert_eq!(walk_by_with([here, like_here], [RED, BLUE], true, true, 0), [(TrackId(1), TrackId(2))]);

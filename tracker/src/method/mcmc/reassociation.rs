@@ -301,6 +301,14 @@ mod tests {
     }
 
     #[test]
+    fn names_are_exchanged_in_all_held_moments_since_the_meeting() {
+        let mut smoother = exchanged_tracks(false, [1.7; 2], ALIKE);
+        assert!(largest_error_m(&mut smoother.clone(), false) > 1.0);
+        smoother.exchange_names([0, 1]);
+        assert!(largest_error_m(&mut smoother, false) < 0.4);
+    }
+
+    #[test]
     fn moments_before_an_exchange_of_names_are_left_alone() {
         let options = McmcOptions::of_boxes();
         let mut smoother = exchanged_tracks(true, [1.7; 2], DIFFERENT);
