@@ -15,6 +15,7 @@
 //! * [`vision`] — the only module that calls OpenCV: optical flow, background models, chessboards.
 //! * [`video`] — the only module that calls FFmpeg: frames in, films out. The rest of the crate builds and tests
 //!   without these two (feature `vision`).
+//! * [`cli`] — the command line: one file a subcommand.
 //!
 //! # Conventions
 //!
@@ -26,6 +27,8 @@
 
 pub mod absolute_orientation;
 mod camera;
+#[cfg(feature = "vision")]
+pub mod cli;
 mod distortion;
 mod error;
 mod exact_length;

@@ -20,11 +20,13 @@
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
 //! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
 //! * [`error`] — the error type: each line names file, place and what to do.
+//! * [`cli`] — the command line: one file a subcommand.
 #![forbid(unsafe_code)]
 
 pub mod assemble;
 pub mod bundle;
 pub mod capture;
+pub mod cli;
 pub mod dense;
 pub mod error;
 mod factorization;

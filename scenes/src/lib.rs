@@ -11,9 +11,11 @@
 //! * [`view`] — the room seen from anywhere, with people in it; [`plan`] — its floor plan.
 //! * [`editor`] — the page on which people draw zones.
 //! * [`cache`] — files of computed results beside a room.
+//! * [`cli`] — the command line: one file a subcommand.
 #![forbid(unsafe_code)]
 
 pub mod cache;
+pub mod cli;
 pub mod depth;
 pub mod editor;
 mod error;

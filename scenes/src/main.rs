@@ -4,17 +4,8 @@
 //! pipe early is no failure.
 #![forbid(unsafe_code)]
 
-mod cli;
-
-use std::io::Write;
 use std::process::ExitCode;
 
-use shell::console::Console;
-
 fn main() -> ExitCode {
-    let arguments: cli::Arguments = shell::console::arguments();
-    let console = Console::start(arguments.verbose);
-    let mut out = shell::console::stdout();
-    let done = arguments.command.run(&mut out).and_then(|()| Ok(out.flush()?));
-    console.end(done, arguments.command.failure())
+    scenes::cli::run(&shell::console::arguments())
 }

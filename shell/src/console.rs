@@ -22,6 +22,7 @@ use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::registry::LookupSpan;
 
 use crate::plain_text::{self, PlainWriter};
+use crate::program;
 
 /// Exit status of a command that failed: bad input, misuse, a full disk.
 pub const CANNOT: u8 = 2;
@@ -35,7 +36,17 @@ const LEVELS: [&str; 4] = ["warn", "info", "debug", "trace"];
 
 /// Arguments of the program. Wrong ones are told in one line and end it with [`CANNOT`].
 pub fn arguments<A: clap::Parser>() -> A {
-    A::try_parse().unwrap_or_else(|error| {
+    parsed(A::command(), A::from_arg_matches)
+}
+
+/// Arguments of the program by its command line `command`, read by `read`, as [`arguments`] does.
+pub fn parsed<A>(
+    mut command: clap::Command,
+    read: impl FnOnce(&clap::ArgMatches) -> Result<A, clap::Error>,
+) -> A {
+    let matches = command.try_get_matches_from_mut(std::env::args_os());
+    let arguments = matches.and_then(|matches| read(&matches)).map_err(|error| error.format(&mut command));
+    arguments.unwrap_or_else(|error| {
         let is_help = error.kind() == ArgumentErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
         if is_help || !error.use_stderr() {
             error.exit();
@@ -44,7 +55,7 @@ pub fn arguments<A: clap::Parser>() -> A {
         let _ = writeln!(
             io::stderr(),
             "error: {}",
-            plain_text::cut_to(&argument_problem(&error), LONGEST_MESSAGE - 1)
+            plain_text::cut_to(&program::as_called(&argument_problem(&error)), LONGEST_MESSAGE - 1)
         );
         std::process::exit(i32::from(CANNOT));
     })
@@ -117,7 +128,7 @@ impl Console {
     /// Writes a line, as [`plain_text::one_line`] makes it.
     pub fn line(&self, text: &str) {
         // There is no other place to report to when standard error is closed.
-        let _ = writeln!(self.writer(), "{}", plain_text::one_line(text));
+        let _ = writeln!(self.writer(), "{}", plain_text::one_line(&program::as_called(text)));
     }
 
     /// Exit status of finished work; an error is first printed in one line. A reader who closes the pipe early, as in
@@ -282,7 +293,7 @@ where
         context.format_fields(Writer::new(&mut message), event)?;
         let level = *event.metadata().level();
         // Room for the level before it.
-        let message = plain_text::escaped(&message);
+        let message = plain_text::escaped(&program::as_called(&message));
         let message =
             if level > Level::INFO { message } else { plain_text::cut_to(&message, LONGEST_MESSAGE) };
         let color = match level {

@@ -1,6 +1,7 @@
 //! User interface of the project's programs: terminal, drawings and local web pages.
 //!
 //! * [`console`] — start and end of a program: log, progress, one line of error, exit status. Start here.
+//! * [`program`] — the program as it was called: a short one, or all in one.
 //! * [`plain_text`] — text of files and names, made safe for a terminal.
 //! * [`files`] — files that are written whole or not at all, and never in place of an input.
 //! * [`ranges`] — the ranges of numbers in files and options.
@@ -13,4 +14,5 @@ pub mod console;
 pub mod files;
 pub mod loopback;
 pub mod plain_text;
+pub mod program;
 pub mod ranges;

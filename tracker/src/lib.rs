@@ -34,9 +34,11 @@
 //! * [`chart`] — line charts.
 //! * [`report`] — one self-contained page about a run.
 //! * [`export`] — a run in the formats of other programs: MCAP, `GeoJSON`.
+//! * [`cli`] — the command line: one file a subcommand.
 #![forbid(unsafe_code)]
 
 pub mod chart;
+pub mod cli;
 pub mod detect;
 pub mod doctor;
 mod error;

@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
+use crate::ray_uncertainty::RayUncertainty;
+use crate::vision::chessboard::{CORNER_SIGMA_PX, Calibration};
 use anyhow::bail;
-use calib::ray_uncertainty::RayUncertainty;
-use calib::vision::chessboard::{CORNER_SIGMA_PX, Calibration};
 use image::{Rgb, RgbImage};
 use nalgebra::Point2;
 

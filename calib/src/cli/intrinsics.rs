@@ -4,9 +4,9 @@ use std::collections::HashSet;
 use std::io::Write;
 use std::path::PathBuf;
 
+use crate::picture;
+use crate::vision::chessboard::Chessboard;
 use anyhow::bail;
-use calib::picture;
-use calib::vision::chessboard::Chessboard;
 use clap::Args;
 use shell::files::Outputs;
 use shell::ranges::SIZE_M;
@@ -87,7 +87,7 @@ impl Intrinsics {
         if let Some(path) = &self.uncertainty {
             picture::write(path, &verdict.picture(&found)?)?;
         }
-        calib::files::write_intrinsics(&self.out, &found.intrinsics)?;
+        crate::files::write_intrinsics(&self.out, &found.intrinsics)?;
 
         let k = &found.intrinsics;
         let mut sorted = found.view_rms_px.clone();

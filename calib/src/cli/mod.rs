@@ -6,27 +6,37 @@ mod pose;
 
 use std::io::Write;
 
+use std::process::ExitCode;
+
 use clap::{Parser, Subcommand};
+use shell::console::{CANNOT, Console};
 
 /// Camera calibration: intrinsics and pose of a camera.
 #[derive(Parser)]
 #[command(name = "calib", version, about)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     #[command(subcommand)]
-    pub(crate) command: Command,
+    command: Command,
     /// Say more (-v, -vv).
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
-    pub(crate) verbose: u8,
+    verbose: u8,
 }
 
 #[derive(Subcommand)]
-pub(crate) enum Command {
+enum Command {
     Intrinsics(intrinsics::Intrinsics),
     Pose(pose::Pose),
 }
 
+/// Runs the command to its end. Returns the exit status: 0, or 2 when it failed; then one line on standard error names
+/// the problem and its place.
+pub fn run(arguments: &Arguments) -> ExitCode {
+    let console = Console::start(arguments.verbose);
+    console.end(arguments.command.run(), CANNOT)
+}
+
 impl Command {
-    pub(crate) fn run(&self) -> anyhow::Result<()> {
+    fn run(&self) -> anyhow::Result<()> {
         match self {
             Self::Intrinsics(command) => command.run(),
             Self::Pose(command) => command.run(),
@@ -35,7 +45,7 @@ impl Command {
 }
 
 /// Focal lengths and principal point with a standard deviation each, pixels.
-fn print_lens(out: &mut impl Write, k: &calib::Intrinsics, sigma_px: [f64; 4]) -> std::io::Result<()> {
+fn print_lens(out: &mut impl Write, k: &crate::Intrinsics, sigma_px: [f64; 4]) -> std::io::Result<()> {
     let s = sigma_px;
     writeln!(out, "focal length     {:.2} ± {:.2}, {:.2} ± {:.2} px", k.fx, s[0], k.fy, s[1])?;
     writeln!(out, "principal point  {:.2} ± {:.2}, {:.2} ± {:.2} px", k.cx, s[2], k.cy, s[3])

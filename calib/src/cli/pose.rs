@@ -3,13 +3,13 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
-use calib::files::{read_intrinsics, write_together};
-use calib::picture;
-use calib::resection::{
+use crate::files::{read_intrinsics, write_together};
+use crate::picture;
+use crate::resection::{
     Consensus, Pick, mirrored_world, refuse_mirrored_world, resect_by_consensus, resect_with_lens,
     wrong_from_px,
 };
+use anyhow::{Context, bail};
 use clap::Args;
 use image::Rgb;
 use nalgebra::Point2;
@@ -85,7 +85,7 @@ impl Pose {
         let Consensus { resection, wrong } = &found.consensus;
         let camera = &resection.camera;
         let rms_px = found.consensus.rms_px();
-        let text = calib::files::pose_text(camera, rms_px, found.lens_sigma_px.is_some())?;
+        let text = crate::files::pose_text(camera, rms_px, found.lens_sigma_px.is_some())?;
         let picture = match (&self.image, &self.picture) {
             (Some(image), Some(picture)) => Some((picture, draw(image, picture, &picks, camera)?)),
             _ => None,
@@ -123,7 +123,7 @@ impl Pose {
     }
 
     /// Warns of a pose that the picks do not bear out.
-    fn warn(&self, camera: &calib::Camera, rms_px: f64, wrong: &[usize]) {
+    fn warn(&self, camera: &crate::Camera, rms_px: f64, wrong: &[usize]) {
         let (picks, k) = (self.picks.display(), &camera.intrinsics);
         if !wrong.is_empty() {
             let numbers: Vec<String> = wrong.iter().map(|index| (index + 1).to_string()).collect();
@@ -213,7 +213,7 @@ fn read_picks(path: &Path) -> anyhow::Result<Vec<Pick>> {
 }
 
 /// The bytes of the drawing.
-fn draw(image: &Path, drawing: &Path, picks: &[Pick], camera: &calib::Camera) -> calib::Result<Vec<u8>> {
+fn draw(image: &Path, drawing: &Path, picks: &[Pick], camera: &crate::Camera) -> crate::Result<Vec<u8>> {
     let mut canvas = picture::read(image)?.into_rgb8();
     let mut cross = |at: Point2<f64>, color: Rgb<u8>, arm: i64| {
         for step in -arm..=arm {

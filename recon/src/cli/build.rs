@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::dense::DenseOptions;
+use crate::pipeline::{self, BuildOptions, BuildReport};
+use crate::project::Project;
 use anyhow::Context;
 use clap::ValueEnum;
-use recon::dense::DenseOptions;
-use recon::pipeline::{self, BuildOptions, BuildReport};
-use recon::project::Project;
 use shell::console::{Console, ProgressStages};
 use shell::files::{FolderLock, LockError, Outputs};
 use shell::ranges::THREADS;

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::pipeline::{self, BuildOptions, ReferenceView};
+use crate::project::{PickedPoint, Project};
+use crate::proposals::{self, CameraPair, Correspondence, ProposalOptions};
+use crate::surface::Surface;
 use anyhow::{Context, bail};
 use calib::files::write_together;
-use recon::pipeline::{self, BuildOptions, ReferenceView};
-use recon::project::{PickedPoint, Project};
-use recon::proposals::{self, CameraPair, Correspondence, ProposalOptions};
-use recon::surface::Surface;
 use shell::console::{Console, ProgressStages};
 use shell::files::Outputs;
 use shell::ranges::THREADS;

@@ -3,13 +3,13 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use crate::depth::render;
+use crate::geometry::Geometry;
+use crate::raycast::RayScene;
+use crate::room::{Room, RoomCamera, ZoneKind};
+use crate::walkable::{WalkableMap, unreachable};
 use clap::Args;
 use nalgebra::{Point2, Vector3};
-use scenes::depth::render;
-use scenes::geometry::Geometry;
-use scenes::raycast::RayScene;
-use scenes::room::{Room, RoomCamera, ZoneKind};
-use scenes::walkable::{WalkableMap, unreachable};
 
 /// Width in pixels of the depth map from which the visible share of the room is measured.
 const GLANCE_WIDTH_PX: u32 = 160;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::depth::{DepthMap, png, render};
+use crate::raycast::RayScene;
+use crate::room::{self, Room};
 use clap::Args;
-use scenes::depth::{DepthMap, png, render};
-use scenes::raycast::RayScene;
-use scenes::room::{self, Room};
 use shell::files::Outputs;
 
 /// Write the depth of a camera's image as 16-bit PNG.

@@ -3,8 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use crate::editor::{Server, Session};
 use clap::Args;
-use scenes::editor::{Server, Session};
 use shell::loopback::Protection;
 
 /// Draw a room's entry and exit zones, regions, lines and walkable floor, in the browser, and see them in every camera.

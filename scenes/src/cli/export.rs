@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::exchange::{colmap, nerfstudio};
+use crate::room::{self, Room};
 use clap::{Args, ValueEnum};
-use scenes::exchange::{colmap, nerfstudio};
-use scenes::room::{self, Room};
 use shell::files::Outputs;
 
 /// Write a room for another program.

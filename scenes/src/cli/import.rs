@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use crate::exchange::{self, calib_files};
+use crate::geometry::{ply, vec3_from_point};
+use crate::room::{GEOMETRY_FILE, Room, SCENE_FILE};
 use clap::Args;
 use glam::DVec3;
-use scenes::exchange::{self, calib_files};
-use scenes::geometry::{ply, vec3_from_point};
-use scenes::room::{GEOMETRY_FILE, Room, SCENE_FILE};
 use shell::files::Outputs;
 
 /// Make a room directory from cameras and a mesh or cloud.

@@ -8,23 +8,24 @@ mod import;
 mod plan;
 
 use std::io::Write;
+use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use shell::console::CANNOT;
+use shell::console::{CANNOT, Console};
 
 /// The room model: a room's geometry, and what its cameras see of it.
 #[derive(Parser)]
 #[command(name = "scenes", version, about)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     #[command(subcommand)]
-    pub(crate) command: Command,
+    command: Command,
     /// Say more (-v, -vv).
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
-    pub(crate) verbose: u8,
+    verbose: u8,
 }
 
 #[derive(Subcommand)]
-pub(crate) enum Command {
+enum Command {
     Check(check::Check),
     Depth(depth::Depth),
     Plan(plan::Plan),
@@ -33,8 +34,17 @@ pub(crate) enum Command {
     Export(export::Export),
 }
 
+/// Runs the command to its end. Returns the exit status: 0, or 1 when `check` finds a defect in the room, or 2 for any
+/// other failure. A reader who closes the pipe early is no failure.
+pub fn run(arguments: &Arguments) -> ExitCode {
+    let console = Console::start(arguments.verbose);
+    let mut out = shell::console::stdout();
+    let done = arguments.command.run(&mut out).and_then(|()| Ok(out.flush()?));
+    console.end(done, arguments.command.failure())
+}
+
 impl Command {
-    pub(crate) fn run(&self, out: &mut impl Write) -> anyhow::Result<()> {
+    fn run(&self, out: &mut impl Write) -> anyhow::Result<()> {
         match self {
             Self::Check(command) => command.run(out),
             Self::Depth(command) => command.run(),
@@ -46,7 +56,7 @@ impl Command {
     }
 
     /// Exit status of a failed command: a room that does not pass the check is an answer, not misuse.
-    pub(crate) fn failure(&self) -> u8 {
+    fn failure(&self) -> u8 {
         match self {
             Self::Check(_) => 1,
             _ => CANNOT,

@@ -3,10 +3,10 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
+use crate::plan::{FloorPlan, PlanOptions};
+use crate::room::{self, Room};
 use clap::Args;
 use image::ImageFormat;
-use scenes::plan::{FloorPlan, PlanOptions};
-use scenes::room::{self, Room};
 use shell::files::Outputs;
 use shell::ranges::ROOM_M;
 

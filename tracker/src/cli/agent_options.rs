@@ -1,8 +1,8 @@
 //! Options of the distributed agents, for all stations in one process and for one station a process.
 
-use tracker::method::agents::modern::ModernOptions;
-use tracker::method::agents::published::PublishedOptions;
-use tracker::method::agents::{AgentsOptions, RuleOptions};
+use crate::method::agents::modern::ModernOptions;
+use crate::method::agents::published::PublishedOptions;
+use crate::method::agents::{AgentsOptions, RuleOptions};
 
 use super::sampler::SamplerArguments;
 

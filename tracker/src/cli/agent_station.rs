@@ -7,22 +7,22 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel}
 use std::thread;
 use std::time::Duration;
 
+use crate::foreground::Verdict;
+use crate::gathering::LeftOut;
+use crate::method::agents::{SoloStation, StationId};
+use crate::observation::{Feedback, Observation};
+use crate::plan::TrajectoryPlan;
+use crate::prepared_room::PreparedRoom;
+use crate::station::{Event, ObservedFrame, Pace, Permits, Pictures, Station, Work};
+use crate::tracks::{Stopwatch, TrackFiles};
+use crate::wire::mesh::{Membership, OwnClock};
+use crate::wire::{Endpoints, Fingerprint, Mesh};
+use crate::{CameraFrame, PersonEstimate};
 use anyhow::{Context, bail};
 use clap::Args;
 use scenes::room::Room;
 use shell::console::Progress;
 use shell::ranges::TIME_S;
-use tracker::foreground::Verdict;
-use tracker::gathering::LeftOut;
-use tracker::method::agents::{SoloStation, StationId};
-use tracker::observation::{Feedback, Observation};
-use tracker::plan::TrajectoryPlan;
-use tracker::prepared_room::PreparedRoom;
-use tracker::station::{Event, ObservedFrame, Pace, Permits, Pictures, Station, Work};
-use tracker::tracks::{Stopwatch, TrackFiles};
-use tracker::wire::mesh::{Membership, OwnClock};
-use tracker::wire::{Endpoints, Fingerprint, Mesh};
-use tracker::{CameraFrame, PersonEstimate};
 
 use super::outputs;
 use super::publish::{PublishArguments, Published};
@@ -255,7 +255,7 @@ impl Outputs {
         time_s: f64,
         people: &[PersonEstimate],
         health: Verdict,
-    ) -> tracker::Result<()> {
+    ) -> crate::Result<()> {
         let set_aside = health.is_set_aside().then_some((0, health));
         let Self { files, plan, stopwatch, frames, published, .. } = self;
         *frames += 1;

@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::Error;
+use crate::foreground::backdrop::Backdrop;
+use crate::foreground::{ForegroundOptions, InitialBackground};
+use crate::source::{NamedSource, VideoSource, sampling};
 use anyhow::bail;
 use calib::video::FrameSource;
 use calib::vision::AdaptiveKind;
 use clap::Args;
 use shell::ranges::INTERVAL_S;
-use tracker::Error;
-use tracker::foreground::backdrop::Backdrop;
-use tracker::foreground::{ForegroundOptions, InitialBackground};
-use tracker::source::{NamedSource, VideoSource, sampling};
 
 use super::outputs::paths_of;
 

@@ -3,20 +3,20 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
+use crate::doctor::Finding;
+use crate::doctor::film_times::{self, FilmTimes};
+use crate::doctor::views::{self, EmptyScene, ViewReport};
+use crate::film::FilmOptions;
+use crate::foreground::backdrop::Backdrop;
+use crate::method::Needs;
+use crate::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
+use crate::run::offsets_of_recordings;
+use crate::source::{self, NamedSource, NamedSources, sampling};
+use crate::station::{Pace, PictureDemand};
 use calib::video::FrameSource;
 use clap::Args;
 use rayon::prelude::*;
 use scenes::room::Room;
-use tracker::doctor::Finding;
-use tracker::doctor::film_times::{self, FilmTimes};
-use tracker::doctor::views::{self, EmptyScene, ViewReport};
-use tracker::film::FilmOptions;
-use tracker::foreground::backdrop::Backdrop;
-use tracker::method::Needs;
-use tracker::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
-use tracker::run::offsets_of_recordings;
-use tracker::source::{self, NamedSource, NamedSources, sampling};
-use tracker::station::{Pace, PictureDemand};
 
 use super::Printed;
 use super::background::BackgroundArguments;
@@ -57,7 +57,7 @@ pub(super) fn check(args: &CheckArgs) -> anyhow::Result<Printed> {
     let times: Vec<FilmTimes> = fitting
         .par_iter()
         .map(|film| FilmTimes::read(&film.name, &film.spec))
-        .collect::<tracker::Result<_>>()?;
+        .collect::<crate::Result<_>>()?;
     if args.clocks.is_default() {
         findings.extend(times.iter().flat_map(FilmTimes::findings));
         findings.extend(film_times::starts(&times));

@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::detect::train::{self, Labelled, TrainOptions};
+use crate::detect::{self, DetectOptions, Detector};
+use crate::tracks::rows::RowFile;
 use anyhow::{Context, bail};
 use calib::video::FrameSource;
 use clap::{Args, Subcommand};
 use image::RgbImage;
 use shell::console::Console;
 use shell::ranges::{SOME_FRAMES, THREADS};
-use tracker::detect::train::{self, Labelled, TrainOptions};
-use tracker::detect::{self, DetectOptions, Detector};
-use tracker::tracks::rows::RowFile;
 
 use super::outputs;
 

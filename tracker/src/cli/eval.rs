@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use scenes::room;
-use tracker::eval::{
+use crate::eval::{
     DetectionCurve, EvalOptions, Evaluation, FrameRange, FrameSelection, JudgedArea, JudgedRows, Protocol,
     Sequences, align, plots,
 };
-use tracker::tracks::rows::RowFile;
+use crate::tracks::rows::RowFile;
+use scenes::room;
 
 use super::outputs;
 

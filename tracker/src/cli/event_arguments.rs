@@ -1,10 +1,10 @@
 //! Options of a run's events.
 
+use crate::events::{Clock, EventFileOptions};
+use crate::source::NamedSource;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use scenes::room::Room;
-use tracker::events::{Clock, EventFileOptions};
-use tracker::source::NamedSource;
 
 use super::start::Start;
 

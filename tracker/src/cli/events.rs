@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use tracker::events::{self, stats::DayStats};
+use crate::events::{self, stats::DayStats};
 
 use super::event_arguments::CountArguments;
 use super::outputs::OutputLock;

@@ -1,6 +1,6 @@
 //! Names of the library's options on the command line, for error lines.
 
-use tracker::Error;
+use crate::Error;
 
 /// Fields whose flag has another name, or that only one value of a flag concerns.
 const RENAMED: &[(&str, &str)] = &[

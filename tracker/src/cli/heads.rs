@@ -1,8 +1,8 @@
 //! Options of the head filters.
 
+use crate::method::condensation::CondensationOptions;
+use crate::method::condensation::integration::Integration;
 use clap::Args;
-use tracker::method::condensation::CondensationOptions;
-use tracker::method::condensation::integration::Integration;
 
 /// Options of the head filters on the command line.
 #[derive(Debug, Args)]

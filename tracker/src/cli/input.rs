@@ -4,17 +4,17 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
+use crate::doctor::film_times::{self, FilmTimes};
+use crate::doctor::views;
+use crate::gathering::ClockAlignment;
+use crate::method::Method;
+use crate::prepared_room::PreparedRoom;
+use crate::run::search_offsets;
+use crate::source::{self, CameraSource, CaptureTimes, VideoSource};
+use crate::station::{self, Event, Permits, Port, Station};
+use crate::wire::{Downlink, Endpoints, ExpectedCamera, ExpectedStations, Fingerprint};
 use anyhow::bail;
 use scenes::room::Room;
-use tracker::doctor::film_times::{self, FilmTimes};
-use tracker::doctor::views;
-use tracker::gathering::ClockAlignment;
-use tracker::method::Method;
-use tracker::prepared_room::PreparedRoom;
-use tracker::run::search_offsets;
-use tracker::source::{self, CameraSource, CaptureTimes, VideoSource};
-use tracker::station::{self, Event, Permits, Port, Station};
-use tracker::wire::{Downlink, Endpoints, ExpectedCamera, ExpectedStations, Fingerprint};
 
 use super::clocks::Clocks;
 use super::run_arguments::RunArgs;
@@ -117,7 +117,7 @@ impl RunSources {
             }
             Self::Stations(endpoints) => endpoints,
         };
-        let camera = |c: &tracker::prepared_room::PreparedCamera| ExpectedCamera {
+        let camera = |c: &crate::prepared_room::PreparedCamera| ExpectedCamera {
             name: c.name.clone(),
             width: c.width(),
             height: c.height(),

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
+use crate::chart;
+use crate::link::tune::{TuneOptions, cross_validate};
+use crate::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};
+use crate::tracks::rows::RowFile;
 use anyhow::{Context, bail};
 use clap::{Subcommand, ValueEnum};
 use shell::console::Console;
 use shell::files::Outputs;
-use tracker::chart;
-use tracker::link::tune::{TuneOptions, cross_validate};
-use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};
-use tracker::tracks::rows::RowFile;
 
 use super::colours;
 use super::outputs::{OutputLock, paths_of, refuse_inputs};

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::foreground::{Foreground, Verdict};
+use crate::source::{CaptureTimes, NamedSource, Times, VideoSource};
 use anyhow::{Context, bail};
 use calib::picture;
 use calib::video::FrameSource;
@@ -9,8 +11,6 @@ use clap::Args;
 use image::{GrayImage, RgbImage};
 use shell::console::Console;
 use shell::ranges::RATE_HZ;
-use tracker::foreground::{Foreground, Verdict};
-use tracker::source::{CaptureTimes, NamedSource, Times, VideoSource};
 
 use super::background::BackgroundArguments;
 use super::outputs::{self, OutputLock};
@@ -70,7 +70,7 @@ impl MasksArgs {
             (Some(path), ..) => CaptureTimes::given(&named.spec, Times::read(path)?),
             (None, None, Some(rate)) => CaptureTimes::presentation(&named.spec, rate),
             (None, given, _) => {
-                let rate = given.unwrap_or(tracker::source::times::DEFAULT_RATE);
+                let rate = given.unwrap_or(crate::source::times::DEFAULT_RATE);
                 CaptureTimes::given(&named.spec, Times::steady(rate)?)
             }
         };

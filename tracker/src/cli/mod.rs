@@ -34,8 +34,11 @@ mod view;
 mod watch;
 mod weightmap;
 
+use std::io::Write;
+use std::process::ExitCode;
+
 use clap::{Parser, Subcommand};
-use shell::console::Console;
+use shell::console::{CANNOT, Console};
 
 /// Name of the hidden subcommand of a service's rooms.
 const WORKER: &str = "room-worker";
@@ -43,12 +46,12 @@ const WORKER: &str = "room-worker";
 /// Tracks every person in a room, in metres on its floor, from fixed calibrated cameras.
 #[derive(Debug, Parser)]
 #[command(name = "tracker", version, max_term_width = 110)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     #[command(subcommand)]
     command: Command,
     /// Log more (-vv: everything, with the output of the video libraries).
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
-    pub(crate) verbose: u8,
+    verbose: u8,
 }
 
 #[derive(Debug, Subcommand)]
@@ -73,6 +76,21 @@ enum Command {
     RoomWorker,
 }
 
+/// Runs the command to its end. Returns the exit status: 0, or 1 when `check` has findings, or 2 after any failure; then
+/// one line on standard error names what failed and where.
+pub fn run(arguments: &Arguments) -> ExitCode {
+    let console = Console::start(1 + arguments.verbose);
+    let mut status = 0;
+    let printed = command(arguments, &console).and_then(|printed| {
+        status = printed.status;
+        Ok(shell::console::stdout().write_all(printed.text.as_bytes())?)
+    });
+    if printed.is_ok() && status != 0 {
+        return ExitCode::from(status);
+    }
+    console.end(printed, CANNOT)
+}
+
 /// Result of a subcommand.
 pub(crate) struct Printed {
     /// Text for standard output.
@@ -87,8 +105,7 @@ impl From<String> for Printed {
     }
 }
 
-/// Runs the subcommand.
-pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<Printed> {
+fn command(arguments: &Arguments, console: &Console) -> anyhow::Result<Printed> {
     let printed = match &arguments.command {
         Command::Check(args) => return check::check(args).map_err(flags::named),
         Command::Run(args) => run::run(args, console),

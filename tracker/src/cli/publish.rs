@@ -3,17 +3,17 @@
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
+use crate::Error;
+use crate::events::Clock;
+use crate::prepared_room::PreparedRoom;
+use crate::publish::metrics::{MetricsServer, RunMetrics};
+use crate::publish::mqtt::{
+    BrokerAddress, BrokerTls, Credentials, MqttOptions, MqttOutput, PeopleForm, PublishOptions,
+};
+use crate::run::Output;
 use clap::{Args, ValueEnum};
 use scenes::room::Room;
 use shell::ranges::WAITING;
-use tracker::Error;
-use tracker::events::Clock;
-use tracker::prepared_room::PreparedRoom;
-use tracker::publish::metrics::{MetricsServer, RunMetrics};
-use tracker::publish::mqtt::{
-    BrokerAddress, BrokerTls, Credentials, MqttOptions, MqttOutput, PeopleForm, PublishOptions,
-};
-use tracker::run::Output;
 
 /// Form of the messages of people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

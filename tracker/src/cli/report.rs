@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::report::{self, ReportOptions, ReportSources};
+use crate::tracks::files_of_run;
 use scenes::room;
-use tracker::report::{self, ReportOptions, ReportSources};
-use tracker::tracks::files_of_run;
 
 use super::outputs;
 

@@ -5,24 +5,24 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+use crate::events::{self, Clock, EventFiles};
+use crate::film::{Film, FilmOptions};
+use crate::foreground::Verdict;
+use crate::gathering::{ClockAlignment, Gathering, GatheringOptions};
+use crate::method::RaisedIds;
+use crate::plan::TrajectoryPlan;
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
+use crate::run::{
+    self, AgencyLog, ClockOffsets, EventLog, NoEvents, Output, RunDirective, RunEnd, RunProgress, RunReport,
+};
+use crate::serve::StartFilm;
+use crate::station::{Pace, PictureDemand};
+use crate::tracks::TrackFiles;
+use crate::view::{LiveDrawer, Screens, Server};
+use crate::wire::Downlink;
 use anyhow::{Context, bail};
 use scenes::room::Room;
 use shell::console::Console;
-use tracker::events::{self, Clock, EventFiles};
-use tracker::film::{Film, FilmOptions};
-use tracker::foreground::Verdict;
-use tracker::gathering::{ClockAlignment, Gathering, GatheringOptions};
-use tracker::method::RaisedIds;
-use tracker::plan::TrajectoryPlan;
-use tracker::prepared_room::{PreparationOptions, PreparedRoom};
-use tracker::run::{
-    self, AgencyLog, ClockOffsets, EventLog, NoEvents, Output, RunDirective, RunEnd, RunProgress, RunReport,
-};
-use tracker::serve::StartFilm;
-use tracker::station::{Pace, PictureDemand};
-use tracker::tracks::TrackFiles;
-use tracker::view::{LiveDrawer, Screens, Server};
-use tracker::wire::Downlink;
 
 use super::input::{RunSources, Started};
 use super::interrupt;
@@ -236,7 +236,7 @@ fn outputs(
 
 /// Links the tracks of the finished run. Its events are written again: those of the run have the ids before linking.
 fn smooth(args: &RunArgs, room: &Room, rate_hz: f64) -> anyhow::Result<()> {
-    let mended = tracker::link::mend_run(&args.out, rate_hz)?;
+    let mended = crate::link::mend_run(&args.out, rate_hz)?;
     tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
     if args.events.are_on(room) {
         events::of_run(&args.out, &args.room, &args.events.options())?;

@@ -2,17 +2,17 @@
 
 use std::path::PathBuf;
 
+use crate::method::Method;
+use crate::method::agents::Agents;
+use crate::method::condensation::Condensation;
+use crate::method::mcmc::Mcmc;
+use crate::prepared_room::{PreparedRoom, WORKING_WIDTH_PX};
+use crate::source::{NamedSource, NamedSources};
+use crate::wire::Endpoint;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use scenes::room;
 use shell::ranges::THREADS;
-use tracker::method::Method;
-use tracker::method::agents::Agents;
-use tracker::method::condensation::Condensation;
-use tracker::method::mcmc::Mcmc;
-use tracker::prepared_room::{PreparedRoom, WORKING_WIDTH_PX};
-use tracker::source::{NamedSource, NamedSources};
-use tracker::wire::Endpoint;
 
 use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;

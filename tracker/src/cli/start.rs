@@ -4,9 +4,9 @@ use std::path::Path;
 use std::str::FromStr;
 use std::time::SystemTime;
 
+use crate::events::Clock;
+use crate::source::NamedSource;
 use anyhow::{Context, bail};
-use tracker::events::Clock;
-use tracker::source::NamedSource;
 
 /// Source of the time of day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,16 +4,16 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use crate::film::FilmOptions;
+use crate::method::Needs;
+use crate::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
+use crate::source::{self, NamedSource, NamedSources};
+use crate::station::{Event, Pace, Permits, PictureDemand};
+use crate::wire::{Endpoint, Fingerprint, Hello, Uplink};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use scenes::room::{self, Room};
 use shell::console::Console;
-use tracker::film::FilmOptions;
-use tracker::method::Needs;
-use tracker::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
-use tracker::source::{self, NamedSource, NamedSources};
-use tracker::station::{Event, Pace, Permits, PictureDemand};
-use tracker::wire::{Endpoint, Fingerprint, Hello, Uplink};
 
 use super::agent_station::{AgentStationArguments, StationRoom};
 use super::background::BackgroundArguments;

@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
+use crate::Error;
+use crate::doctor::views::EmptyScene;
+use crate::film::FilmOptions;
+use crate::foreground::health::Health;
+use crate::foreground::{Foreground, InitialBackground};
+use crate::method::Needs;
+use crate::prepared_room::{PreparedCamera, PreparedRoom};
+use crate::source::{CameraSource, CaptureTimes, VideoSource};
+use crate::station::{LiveStation, Masks, Observer, Pace, PictureDemand, RecordedStation, Station, Work};
 use anyhow::{Context, bail};
 use calib::video::FrameSource;
 use image::RgbImage;
 use rayon::prelude::*;
-use tracker::Error;
-use tracker::doctor::views::EmptyScene;
-use tracker::film::FilmOptions;
-use tracker::foreground::health::Health;
-use tracker::foreground::{Foreground, InitialBackground};
-use tracker::method::Needs;
-use tracker::prepared_room::{PreparedCamera, PreparedRoom};
-use tracker::source::{CameraSource, CaptureTimes, VideoSource};
-use tracker::station::{LiveStation, Masks, Observer, Pace, PictureDemand, RecordedStation, Station, Work};
 
 use super::background::BackgroundArguments;
 

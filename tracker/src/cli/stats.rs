@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use tracker::events::stats::DayStats;
+use crate::events::stats::DayStats;
 
 /// Print what happened in a run: how many people came and when, how long they stayed where, who crossed which line.
 ///

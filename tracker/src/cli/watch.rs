@@ -6,14 +6,14 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use crate::method::agents::{AgencyRecord, Overview, Packet, StationId};
+use crate::tracks::AgentsFile;
+use crate::wire::mesh::{Membership, OwnClock};
+use crate::wire::{Endpoint, Fingerprint, Mesh};
 use anyhow::Context;
 use clap::Args;
 use scenes::room::{self, Room};
 use shell::ranges::INTERVAL_S;
-use tracker::method::agents::{AgencyRecord, Overview, Packet, StationId};
-use tracker::tracks::AgentsFile;
-use tracker::wire::mesh::{Membership, OwnClock};
-use tracker::wire::{Endpoint, Fingerprint, Mesh};
 
 use super::endpoints::EndpointArguments;
 use super::{interrupt, outputs};

@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
+use crate::foreground::InitialBackground;
+use crate::method::Method;
+use crate::method::condensation::Condensation;
+use crate::method::condensation::integration::Integration;
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
+use crate::source::{self, NamedSource, NamedSources, VideoSource};
+use crate::{CameraFrame, Moment};
 use anyhow::{Context, bail};
 use clap::Args;
 use image::RgbImage;
 use scenes::room::{self, Room};
 use shell::ranges::{BODY_M, FRAME_NUMBER};
-use tracker::foreground::InitialBackground;
-use tracker::method::Method;
-use tracker::method::condensation::Condensation;
-use tracker::method::condensation::integration::Integration;
-use tracker::prepared_room::{PreparationOptions, PreparedRoom};
-use tracker::source::{self, NamedSource, NamedSources, VideoSource};
-use tracker::{CameraFrame, Moment};
 
 use super::background::BackgroundArguments;
 use super::heads::HeadArguments;

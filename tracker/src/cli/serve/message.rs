@@ -2,9 +2,9 @@
 
 use std::io::Write;
 
+use crate::TrackId;
+use crate::events::Event;
 use serde::{Deserialize, Serialize};
-use tracker::TrackId;
-use tracker::events::Event;
 
 /// From the supervisor, by the worker's standard input. Its end ends the worker.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

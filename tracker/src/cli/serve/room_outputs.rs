@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::events::{Clock, Event, EventFiles};
+use crate::prepared_room::PreparedRoom;
+use crate::run::{AgencyLog, EventLog, Output, ProcessedMoment};
+use crate::serve::{DailyFilm, DailyOutputs, RoomJournal, StartFilm};
+use crate::tracks::{Persistence, TrackFiles};
 use scenes::room::Room;
-use tracker::events::{Clock, Event, EventFiles};
-use tracker::prepared_room::PreparedRoom;
-use tracker::run::{AgencyLog, EventLog, Output, ProcessedMoment};
-use tracker::serve::{DailyFilm, DailyOutputs, RoomJournal, StartFilm};
-use tracker::tracks::{Persistence, TrackFiles};
 
 use super::message::{Report, send};
 use crate::cli::run_arguments::{MethodName, RunArgs};
@@ -69,7 +69,7 @@ struct HeightReporter {
 }
 
 impl Output for HeightReporter {
-    fn put(&mut self, followed: &ProcessedMoment<'_>) -> tracker::Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> crate::Result<()> {
         let time_s = followed.moment.time_s;
         if time_s >= self.due_s && !followed.people.is_empty() {
             self.due_s = time_s + HEIGHTS_EVERY_S;
@@ -79,7 +79,7 @@ impl Output for HeightReporter {
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> tracker::Result<()> {
+    fn finish(self: Box<Self>) -> crate::Result<()> {
         Ok(())
     }
 }

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::Error;
+use crate::serve::{Door, DoorOptions, DoorSide};
 use anyhow::{Context, bail};
 use clap::Parser;
 use scenes::room::Room;
-use tracker::Error;
-use tracker::serve::{Door, DoorOptions, DoorSide};
 
 use super::arguments::{arguments, named};
 use super::site_file::{DoorTable, Options, Retention, RoomTable, SiteFile};

@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
+use crate::serve::{DailyFilm, Day, PersonKey, SiteFiles, SiteIds, remove_older};
 use anyhow::Context;
 use shell::console::Console;
 use signal_hook::consts::SIGHUP;
 use signal_hook::flag;
-use tracker::serve::{DailyFilm, Day, PersonKey, SiteFiles, SiteIds, remove_older};
 
 use super::message::Report;
 use super::site_plan::SitePlan;

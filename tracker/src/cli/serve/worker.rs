@@ -7,14 +7,14 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
+use crate::run::ChangedRoom;
+use crate::serve::{Day, RoomJournal};
 use anyhow::Context;
 use scenes::room::Room;
 use shell::console::Console;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
-use tracker::prepared_room::{PreparationOptions, PreparedRoom};
-use tracker::run::ChangedRoom;
-use tracker::serve::{Day, RoomJournal};
 
 use super::message::Order;
 use super::site_plan::run_options;

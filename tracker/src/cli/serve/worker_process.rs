@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use shell::console::Console;
+use shell::program;
 
 use super::message::{Order, Report, send};
 use super::site_plan::RoomPlan;
@@ -154,7 +155,7 @@ impl Running {
 }
 
 /// Path of this very program, also after another one has taken its place.
-fn program() -> std::io::Result<PathBuf> {
+fn own_path() -> std::io::Result<PathBuf> {
     let own = Path::new("/proc/self/exe");
     if own.exists() { Ok(own.to_owned()) } else { std::env::current_exe() }
 }
@@ -165,8 +166,9 @@ fn start(
     verbose: u8,
     reports: &Sender<RoomReport>,
 ) -> anyhow::Result<Running> {
-    let mut command = Command::new(program()?);
-    command.arg0(OsStr::new("tracker")).arg(super::super::WORKER).args((0..verbose).map(|_| "-v"));
+    let mut command = Command::new(own_path()?);
+    command.arg0(OsStr::new("tracker")).args(program::arguments_before("tracker"));
+    command.arg(super::super::WORKER).args((0..verbose).map(|_| "-v"));
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().context("its process")?;
     // The three have just been asked for.
