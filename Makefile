@@ -1,13 +1,14 @@
-# make demo | test | lint | bench | fuzz — each works as the first command on a fresh machine: `libraries` runs before
+# make demo | test | lint | bench | fuzz | docs | deb | image | install — each works as the first command on a fresh machine: `libraries` runs before
 # all, `setup` before the tests.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup libraries demo test lint bench fuzz
+.PHONY: help setup libraries demo test lint bench fuzz papers docs deb image smoke install
 
 OFFICE := tests/office
 DEMO   := target/demo
+PREFIX := /usr/local
 # Stations in processes of their own: in tests, lint and packages, not in the demo, whose build they would make longer.
 FEATURES := --features tracker/zenoh
 
@@ -17,6 +18,12 @@ help:
 	@echo "make lint   formatting, clippy, documentation"
 	@echo "make bench  accuracy and speed on the data with ground truth"
 	@echo "make fuzz   damaged and hostile files for every reader (about 10 minutes)"
+	@echo "make papers the experiments of the four papers beside their own numbers: target/papers/index.html"
+	@echo "make docs   the guide, as pages: target/docs/index.html"
+	@echo "make deb    a Debian package: target/debian/"
+	@echo "make image  an image of that package, for podman or docker"
+	@echo "make smoke  both in a fresh Debian: the office end to end (about 10 minutes)"
+	@echo "make install PREFIX=/usr/local   program, manual pages, completions"
 	@echo "make setup  install what is missing (OpenCV, FFmpeg, clang; for the tests of pages, Chromium)"
 
 setup: libraries
@@ -44,3 +51,26 @@ bench: libraries
 
 fuzz: libraries
 	FUZZ_ROUNDS=100000 cargo test --release --locked --workspace $(FEATURES) --test end_to_end parsers::
+
+papers: libraries
+	cargo build --release --locked --workspace --bins $(FEATURES)
+	cargo build --release --locked -p tests --examples
+	cargo run --release --locked -p tests --example papers -- target/papers
+
+docs:
+	@./tests/setup.sh guide
+	@./packaging/docs.sh
+
+deb: libraries
+	@./packaging/deb.sh
+
+image: deb
+	@./packaging/image.sh
+
+smoke: image
+	@./packaging/smoke.sh
+
+install: libraries
+	cargo build --profile dist --locked -p roomtrack
+	@./packaging/documents.sh
+	@./packaging/install.sh "$(DESTDIR)$(PREFIX)"

@@ -2,6 +2,8 @@
 # Installs what cargo cannot: OpenCV's and FFmpeg's libraries and headers, clang, which the bindings are generated with,
 # and mosquitto for the tests of MQTT.   setup.sh
 # Or the browser that pages are tested in.   setup.sh browser
+# Or what a package, an image or the guide is made with; programs from crates.io go to target/tools.
+#   setup.sh package | image | guide
 set -euo pipefail
 
 as_root=()
@@ -24,6 +26,37 @@ if [ "${1:-}" = browser ]; then
     fi
     exit 0
 fi
+
+# Builds a program from crates.io, unless it is there.   tool NAME VERSION
+tool() {
+    PATH="$PATH:$PWD/target/tools/bin" command -v "$1" >/dev/null ||
+        CARGO_TARGET_DIR=target/tools/build cargo install --quiet --locked --root target/tools "$1" --version "$2"
+}
+# Installs Debian's packages of programs that are missing.   programs NAME=PACKAGE…
+programs() {
+    local missing=() each
+    for each in "$@"; do
+        command -v "${each%%=*}" >/dev/null || missing+=("${each#*=}")
+    done
+    [ ${#missing[@]} -eq 0 ] || install 20 "${missing[@]}"
+}
+case "${1:-}" in
+package)
+    programs dpkg-shlibdeps=dpkg-dev gzip=gzip
+    tool cargo-deb 3.8.0
+    exit 0
+    ;;
+image)
+    command -v podman >/dev/null || command -v docker >/dev/null || programs podman=podman
+    programs mmdebstrap=mmdebstrap
+    exit 0
+    ;;
+guide)
+    tool mdbook 0.5.4
+    tool mdbook-mermaid 0.17.1
+    exit 0
+    ;;
+esac
 
 missing=()
 pkg-config --exists opencv4 2>/dev/null || missing+=(libopencv-dev) # brings pkg-config along

@@ -15,8 +15,8 @@ pub(crate) const NAME: &str = "roomtrack";
     version,
     max_term_width = 110,
     after_help = "Examples:
-  recon build room.toml --zones zones.toml --out myroom               # the room, from each camera's capture
-  scenes edit myroom                                                  # zones, regions and lines, in the browser
+  recon build room.toml --out myroom        # the room, from each camera's capture
+  scenes edit myroom                        # zones, regions and lines, in the browser
   tracker run myroom --video cam1=cam1.mp4 --video cam2=cam2.mp4 --out out
   tracker report out --room myroom --out report.html
 

@@ -13,6 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde_json::Value;
 use tests::chain::{StepResult, run};
+use tests::crossing_boxes::{self, Crossings};
 use tests::data::{program, shared};
 
 fn main() -> StepResult<()> {
@@ -54,27 +55,7 @@ fn crossings(out: &Path) -> StepResult<()> {
         "\n{:<46} {:>9} {:>10}",
         "100 crossings, noise 1 px, 3 to 5 px a frame", "switches", "success %"
     );
-    let mut random = Pcg64Mcg::seed_from_u64(1);
-    let (mut truth, mut found) = (String::new(), String::new());
-    for scene in 0..100u32 {
-        let speed: [f64; 2] = [random.random_range(3.0..5.0), -random.random_range(3.0..5.0)];
-        let start = random.random_range(-20.5..-19.5);
-        for f in 1..=40u32 {
-            let mut boxes = Vec::new();
-            for (person, speed) in (0..).zip(speed) {
-                let x = 380.0 + speed * (f64::from(f) + start);
-                let frame = 140 * scene + f;
-                let _ = writeln!(truth, "{frame},{},{x},250,40,100,1", 2 * scene + person + 1);
-                let mut noise = || random.random_range(-1.7..1.7);
-                let (left, top) = (x + noise(), 250.0 + noise());
-                boxes.push(format!("{frame},-1,{left:.2},{top:.2},40,100,0.9\n"));
-            }
-            if random.random_bool(0.5) {
-                boxes.reverse();
-            }
-            found += &boxes.concat();
-        }
-    }
+    let Crossings { truth, found } = crossing_boxes::crossings();
     let save = |path: &Path, text: &str| {
         std::fs::create_dir_all(path.parent().unwrap_or(path)).and_then(|()| std::fs::write(path, text))
     };

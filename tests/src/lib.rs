@@ -2,19 +2,23 @@
 //!
 //! * [`data`] — the office shipped beside this crate, the larger data sets where available, the programs.
 //! * [`chain`] — the programs, run as a person runs them, with measurements.
+//! * [`crossing_boxes`] — boxes of people who pass each other in one picture, for linking.
 //! * [`events`] — events against those of true paths, at regions and lines in any room.
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
 //! * [`mask_recording`] — exact masks of synthetic people in the files that `tracker run` reads.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`network_camera`] — a fake network camera with a clock, losses and faults of its own.
 //! * [`live`] — scenarios of live input, with figures of a run on such cameras.
+//! * [`board`] — a calibration board, drawn into pictures.
 //! * [`broker`] — a real MQTT broker, and a subscriber.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+pub mod board;
 pub mod broker;
 pub mod chain;
+pub mod crossing_boxes;
 pub mod data;
 pub mod events;
 pub mod hall;

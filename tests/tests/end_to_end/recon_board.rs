@@ -4,48 +4,14 @@ use std::path::Path;
 
 use calib::Camera;
 use calib::video::FrameSource;
-use image::{Rgb, RgbImage};
-use nalgebra::{Isometry3, Point2, Vector3};
+use image::RgbImage;
+use nalgebra::{Isometry3, Vector3};
 use tests::accuracy::capture_truth;
+use tests::board::Board;
 use tests::chain::{compare_rooms, run};
 use tests::data::{office, program};
 
 const SIDE_M: f64 = 0.075;
-
-/// A board of 10 × 7 squares with a white rim: black where both coordinates (in squares) are odd or both are even.
-fn shade(x: f64, y: f64) -> Option<f64> {
-    if !(-1.0..11.0).contains(&x) || !(-1.0..8.0).contains(&y) {
-        return None;
-    }
-    let inside = (0.0..10.0).contains(&x) && (0.0..7.0).contains(&y);
-    let black = inside && (x.floor() + y.floor()) as i64 % 2 == 0;
-    Some(if black { 25.0 } else { 225.0 })
-}
-
-/// Draws the board into a picture, four rays a pixel each way.
-fn draw(picture: &mut RgbImage, camera: &Camera, world_from_board: &Isometry3<f64>) {
-    const RAYS: u32 = 4;
-    let to_board = world_from_board.inverse();
-    let centre = to_board * camera.center();
-    let seen = |u: f64, v: f64| {
-        let ray = camera.intrinsics.unproject(&Point2::new(u, v))?;
-        let ray = to_board * (camera.camera_from_world.rotation.inverse() * ray);
-        let along = -centre.z / ray.z;
-        let hit = centre + ray * along;
-        (along > 0.0).then(|| shade(hit.x / SIDE_M, hit.y / SIDE_M)).flatten()
-    };
-    for (u, v, pixel) in picture.enumerate_pixels_mut() {
-        let mut sum = [0.0; 3];
-        for k in 0..RAYS * RAYS {
-            let within = |i: u32| (f64::from(i) + 0.5) / f64::from(RAYS) - 0.5;
-            let drawn = seen(f64::from(u) + within(k % RAYS), f64::from(v) + within(k / RAYS));
-            for (sum, behind) in sum.iter_mut().zip(pixel.0) {
-                *sum += drawn.unwrap_or_else(|| f64::from(behind));
-            }
-        }
-        *pixel = Rgb(sum.map(|s| (s / f64::from(RAYS * RAYS)).round() as u8));
-    }
-}
 
 /// The office's captures with the board in cam0's, and a project that takes its metres from there.
 fn office_with_board(office: &Path, folder: &Path) {
@@ -61,7 +27,7 @@ fn office_with_board(office: &Path, folder: &Path) {
     for (i, pose) in poses.iter().enumerate() {
         assert!(frames.read(&mut picture).unwrap(), "the film ends at frame {i}");
         let camera = Camera { intrinsics: lens.clone(), camera_from_world: *pose };
-        draw(&mut picture, &camera, &world_from_board);
+        Board { side_m: SIDE_M }.draw(&mut picture, &camera, &world_from_board);
         picture.save(folder.join(format!("cam0/{i:02}.png"))).unwrap();
     }
     let text = std::fs::read_to_string(office.join("room.toml")).unwrap();
