@@ -37,7 +37,7 @@ demo: libraries
 	@./tests/demo.sh $(OFFICE) $(DEMO)
 
 test: setup
-	cargo build --locked --workspace --bins $(FEATURES)
+	cargo build --locked --workspace --bins --tests $(FEATURES)
 	@./tests/run.sh --locked --workspace $(FEATURES)
 
 lint: libraries

@@ -131,7 +131,11 @@ fn condensation(folder: &Path) -> StepResult<Paper> {
     run(&mut example("hall", &[&hall]))?;
     let maps = folder.join("maps");
     let mut weightmap = program("tracker");
-    weightmap.arg("weightmap").arg(hall.join("room")).args(["--frame", "100", "--height", "1.6", "--out"]).arg(&maps);
+    weightmap
+        .arg("weightmap")
+        .arg(hall.join("room"))
+        .args(["--frame", "100", "--height", "1.6", "--out"])
+        .arg(&maps);
     let cameras = hall.join("video");
     for camera in sorted(&cameras)? {
         let name = camera.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -228,7 +232,9 @@ fn agents(folder: &Path) -> StepResult<Paper> {
                 here: "300 trials of each of three layouts; C is the default rule.",
                 commands: vec![simulate],
                 table: None,
-                pictures: ["once", "sequence", "along"].map(|name| simulated.join(format!("{name}.png"))).to_vec(),
+                pictures: ["once", "sequence", "along"]
+                    .map(|name| simulated.join(format!("{name}.png")))
+                    .to_vec(),
             },
         ],
     })
@@ -244,7 +250,13 @@ fn linking(folder: &Path) -> StepResult<Paper> {
     }
     let experiment_out = made.join("experiment");
     let mut experiment = program("tracker");
-    experiment.args(["link", "experiment"]).arg(&found).arg("--truth").arg(&truth).arg("--out").arg(&experiment_out);
+    experiment
+        .args(["link", "experiment"])
+        .arg(&found)
+        .arg("--truth")
+        .arg(&truth)
+        .arg("--out")
+        .arg(&experiment_out);
     Ok(Paper {
         citation: "A. Okada, N. Ukita, N. Hagita, “Globally-Optimal Multi-Object Tracking with Constraints on Moving Directions”",
         experiments: vec![

@@ -8,12 +8,12 @@ use shell::ranges::SECONDS;
 
 use super::groups::{self, Groups};
 use super::heat::HeatMap;
-use super::open_visits::OpenVisits;
+use super::open_visits::{OpenVisits, last_row};
 use super::tally::CountRows;
 use super::{Event, EventOptions, Events};
 use crate::option_checks::check_numbers;
 use crate::tracks::jsonl::{self, FrameLine};
-use crate::tracks::{LineFile, Persistence, last_line};
+use crate::tracks::{LineFile, Persistence};
 use crate::{Error, Result};
 
 /// Names of the files.
@@ -67,6 +67,8 @@ pub struct EventFiles {
     room: Room,
     room_dir: PathBuf,
     last_s: Option<f64>,
+    /// What has begun and not ended.
+    open: OpenVisits,
     persistence: Persistence,
     /// Rows of `groups.csv` of an earlier run in the same folder.
     earlier_groups: String,
@@ -92,6 +94,7 @@ impl EventFiles {
             room: room.clone(),
             room_dir: room_dir.to_owned(),
             last_s: None,
+            open: OpenVisits::default(),
             persistence: Persistence::default(),
             earlier_groups: String::new(),
             extras_s: f64::NEG_INFINITY,
@@ -113,6 +116,17 @@ impl EventFiles {
         Ok(self)
     }
 
+    /// The same files after those of an interrupted run in another folder: what was open there has ended there.
+    ///
+    /// # Errors
+    /// Earlier files that cannot be read, or events that cannot be written.
+    pub fn after(self, earlier: Option<&Path>) -> Result<Self> {
+        if let Some(earlier) = earlier.filter(|earlier| *earlier != self.out) {
+            OpenVisits::end_in(earlier, &self.persistence)?;
+        }
+        Ok(self)
+    }
+
     /// Goes on after the files that are in the folder.
     fn resume(&mut self) -> Result<()> {
         let read = |name: &str| {
@@ -126,13 +140,13 @@ impl EventFiles {
         self.earlier_groups =
             read(GROUPS)?.lines().skip(1).fold(String::new(), |rows, row| rows + row + "\n");
         self.heat.add_csv(&read(HEAT)?);
-        let Some(open) = OpenVisits::read(&self.out.join(EVENTS))? else { return Ok(()) };
-        let last: Option<FrameLine> =
-            last_line(&self.out.join(jsonl::NAME))?.and_then(|line| serde_json::from_str(&line).ok());
-        let Some(last) = last.filter(|_| open.len() > 0) else { return Ok(()) };
+        let open = OpenVisits::read(&self.out)?;
+        if open.len() == 0 {
+            return Ok(());
+        }
         tracing::info!("{} people who were there before the interruption have disappeared", open.len());
         self.counts.begin_with(&open.begun());
-        let ended = open.ended(last.frame, last.time, last.clock.as_deref());
+        let ended = open.ended(last_row(&self.out)?.as_ref());
         self.append(&ended)?;
         self.counts.wait(&ended);
         Ok(())
@@ -154,6 +168,9 @@ impl EventFiles {
         self.groups = Groups::default();
         self.earlier_groups.clear();
         out.clone_into(&mut self.out);
+        if self.persistence.continues() {
+            self.open.write(out)?;
+        }
         self.file.move_to(out.join(EVENTS));
         self.counts_file.move_to(out.join(COUNTS));
         Ok(())
@@ -222,6 +239,7 @@ impl EventFiles {
     fn append(&mut self, events: &[Event]) -> Result<()> {
         let path = self.out.join(EVENTS);
         let lines = events.iter().map(|event| event.text(&path)).collect::<Result<String>>()?;
+        events.iter().for_each(|event| self.open.add(event));
         self.file.append(&lines)
     }
 }

@@ -3,11 +3,18 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use calib::files::write_atomic;
+
+use super::files::EVENTS;
 use super::{Event, EventKind};
-use crate::tracks::jsonl::rounded;
+use crate::tracks::jsonl::{self, FrameLine, rounded};
+use crate::tracks::{LineFile, Persistence, last_line};
 use crate::{Result, TrackId};
 
-/// People who were in the room when a run was interrupted, from its `events.jsonl`.
+/// File of the events that had begun what was open at the folder's first line, where files go on from folder to folder.
+const OPEN: &str = "open_stays.jsonl";
+
+/// People who are in the room, with the events that have begun their stays.
 #[derive(Debug, Clone, Default)]
 pub(super) struct OpenVisits {
     people: BTreeMap<TrackId, OpenVisit>,
@@ -22,24 +29,53 @@ struct OpenVisit {
 }
 
 impl OpenVisits {
-    /// Reads the file; `None` without one. Lines that are no events are ignored.
+    /// Visits that the run in a folder left open. Lines that are no events are ignored.
     ///
     /// # Errors
     /// A file that cannot be read.
-    pub(super) fn read(path: &Path) -> Result<Option<Self>> {
-        if !path.exists() {
-            return Ok(None);
-        }
+    pub(super) fn read(folder: &Path) -> Result<Self> {
         let mut visits = Self::default();
-        for line in calib::files::read_text(path)?.lines() {
-            if let Ok(event) = serde_json::from_str(line) {
-                visits.add(&event);
+        for path in [OPEN, EVENTS].map(|name| folder.join(name)).into_iter().filter(|path| path.exists()) {
+            for line in calib::files::read_text(&path)?.lines() {
+                if let Ok(event) = serde_json::from_str(line) {
+                    visits.add(&event);
+                }
             }
         }
-        Ok(Some(visits))
+        Ok(visits)
     }
 
-    fn add(&mut self, event: &Event) {
+    /// Writes what is open at the beginning of a folder's files, so that a run that is interrupted there can be ended.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub(super) fn write(&self, folder: &Path) -> Result<()> {
+        if self.people.is_empty() {
+            return Ok(());
+        }
+        let path = folder.join(OPEN);
+        let lines = self.begun().iter().map(|event| event.text(&path)).collect::<Result<String>>()?;
+        std::fs::create_dir_all(folder).map_err(crate::Error::io(folder))?;
+        Ok(write_atomic(&path, lines.as_bytes())?)
+    }
+
+    /// Ends in a folder's events what the run in it left open, with its last line.
+    ///
+    /// # Errors
+    /// A file that cannot be read or written.
+    pub(super) fn end_in(folder: &Path, persistence: &Persistence) -> Result<()> {
+        let open = Self::read(folder)?;
+        if open.people.is_empty() {
+            return Ok(());
+        }
+        let path = folder.join(EVENTS);
+        let ended = open.ended(last_row(folder)?.as_ref());
+        let lines = ended.iter().map(|event| event.text(&path)).collect::<Result<String>>()?;
+        LineFile::new(path).kept(persistence).append(&lines)
+    }
+
+    /// Takes the next event of the run.
+    pub(super) fn add(&mut self, event: &Event) {
         let Some(id) = event.id else { return };
         let taken_back = event.taken_back();
         let (event, is_revoked) = taken_back.as_ref().map_or((event, false), |event| (event, true));
@@ -82,9 +118,9 @@ impl OpenVisits {
             .collect()
     }
 
-    /// The events that end everything at a time: nobody knows where the people went.
-    pub(super) fn ended(&self, frame: u32, time_s: f64, clock: Option<&str>) -> Vec<Event> {
-        let time = rounded(time_s);
+    /// The events that end everything with the last line of a run: nobody knows where the people went.
+    pub(super) fn ended(&self, last: Option<&FrameLine>) -> Vec<Event> {
+        let (frame, time) = last.map_or((0, 0.0), |last| (last.frame, rounded(last.time)));
         let mut events = Vec::new();
         for visit in self.people.values() {
             let end = Event {
@@ -92,7 +128,7 @@ impl OpenVisits {
                 frame: frame.max(visit.last.frame),
                 seconds: None,
                 direction: None,
-                clock: clock.map(str::to_owned),
+                clock: last.and_then(|last| last.clock.clone()).or_else(|| visit.last.clock.clone()),
                 ..visit.last.clone()
             };
             for (place, entered) in &visit.inside {
@@ -108,8 +144,16 @@ impl OpenVisits {
         events
     }
 
-    /// Number of people.
+    /// Number of people in the room.
     pub(super) fn len(&self) -> usize {
         self.people.len()
     }
+}
+
+/// Last line of the tracks in a folder.
+///
+/// # Errors
+/// A file that cannot be read.
+pub(super) fn last_row(folder: &Path) -> Result<Option<FrameLine>> {
+    Ok(last_line(&folder.join(jsonl::NAME))?.and_then(|line| serde_json::from_str(&line).ok()))
 }

@@ -39,12 +39,12 @@ fn prepared() -> PreparedRoom {
 fn follow(out: &Path, [first_s, last_s]: [f64; 2], is_finished: bool) -> u32 {
     let (prepared, room) = (prepared(), room());
     let journal = RoomJournal::open(out, Day::of(first_s)).unwrap();
-    let (clock, id) = (journal.clock(), journal.next_id());
+    let (clock, id, earlier) = (journal.clock(), journal.next_id(), journal.last_folder());
     let begin = |folder: &Path| {
         let persistence = Persistence::lasting();
         let tracks = TrackFiles::new(folder, &prepared).with_clock(Some(clock)).kept(&persistence);
         let files = EventFiles::new(folder, &room, Path::new("room"), &EventFileOptions::default())?;
-        let log = EventLog::new(files.kept(&persistence)?, &prepared, Some(clock));
+        let log = EventLog::new(files.kept(&persistence)?.after(earlier.as_deref())?, &prepared, Some(clock));
         Ok(vec![Box::new(tracks) as Box<dyn Output>, Box::new(log)])
     };
     let mut outputs = DailyOutputs::new(journal, Box::new(begin));
@@ -118,4 +118,35 @@ fn a_service_that_was_cut_off_before_midnight_goes_on_in_the_next_days_folder() 
     assert_eq!((earlier.len(), later.len()), (100, 100));
     assert_eq!(later[0].frame, earlier[99].frame + 1);
     assert!((later[0].time - earlier[99].time - 20.1).abs() < 1e-3, "the times go on with the clock");
+}
+
+/// Kinds of the events of several days that are about one person, without crossings.
+fn stay(out: &Path, days: &[Day]) -> Vec<String> {
+    days.iter().flat_map(|day| events(out, *day)).collect()
+}
+
+#[test]
+fn a_stay_that_was_cut_off_on_the_day_before_ends_on_that_day() {
+    let out = tempfile::tempdir().unwrap();
+    let (first, second) = (day("2026-11-27"), day("2026-11-28"));
+    let midnight_s = second.begin_s();
+    follow(out.path(), [midnight_s - 20.0, midnight_s - 10.0], false);
+    assert_eq!(stay(out.path(), &[first]), ["appear", "enter"]);
+    follow(out.path(), [midnight_s + 10.0, midnight_s + 20.0], false);
+    assert_eq!(stay(out.path(), &[first]), ["appear", "enter", "leave", "disappear"]);
+}
+
+#[test]
+fn a_stay_that_outlasted_midnight_and_was_then_cut_off_ends_once() {
+    let out = tempfile::tempdir().unwrap();
+    let (first, second, third) = (day("2026-11-27"), day("2026-11-28"), day("2026-11-29"));
+    let midnight_s = second.begin_s();
+    follow(out.path(), [midnight_s - 10.0, midnight_s + 10.0], false);
+    // The service starts again on the same day, and once more on the next one.
+    follow(out.path(), [midnight_s + 60.0, midnight_s + 70.0], false);
+    assert_eq!(stay(out.path(), &[first]), ["appear", "enter"]);
+    assert_eq!(stay(out.path(), &[second])[..4], ["leave", "disappear", "appear", "enter"]);
+    follow(out.path(), [third.begin_s() + 60.0, third.begin_s() + 70.0], true);
+    let on_second = stay(out.path(), &[second]);
+    assert_eq!(on_second, ["leave", "disappear", "appear", "enter", "leave", "disappear"]);
 }

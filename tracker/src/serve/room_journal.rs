@@ -34,8 +34,8 @@ pub struct RoomJournal {
     free_id: u32,
     next_frame: u32,
     zero_s: f64,
-    /// The last line before this run.
-    last: Option<FrameLine>,
+    /// The last line before this run, and the day in whose folder it stands.
+    last: Option<(Day, FrameLine)>,
     /// Unlocked when it is dropped.
     _lock: FolderLock,
 }
@@ -77,7 +77,7 @@ impl RoomJournal {
             free_id: content.next_id,
             next_frame: last.as_ref().map_or(1, |(_, last)| last.frame.saturating_add(1)),
             zero_s: zero.unix_s(),
-            last: last.map(|(_, line)| line),
+            last,
             out: out.to_owned(),
             content,
             _lock: lock,
@@ -114,7 +114,12 @@ impl RoomJournal {
 
     /// The last line that earlier runs have written; `None` in a new folder.
     pub fn last(&self) -> Option<&FrameLine> {
-        self.last.as_ref()
+        self.last.as_ref().map(|(_, line)| line)
+    }
+
+    /// Folder of that line.
+    pub fn last_folder(&self) -> Option<PathBuf> {
+        self.last.as_ref().map(|(day, _)| day.folder(&self.out))
     }
 
     /// Makes sure that no later run gives these people's ids to others. Call it before they are written.

@@ -26,7 +26,7 @@ pub(in crate::cli) fn room_outputs<'a>(
     film: Option<StartFilm<'a>>,
     shown: Vec<Box<dyn Output + 'a>>,
 ) -> Box<dyn Output + 'a> {
-    let clock = journal.clock();
+    let (clock, earlier) = (journal.clock(), journal.last_folder());
     let begin = move |folder: &Path| {
         let persistence = Persistence::lasting();
         let tracks = TrackFiles::new(folder, prepared).with_clock(Some(clock)).kept(&persistence);
@@ -34,6 +34,7 @@ pub(in crate::cli) fn room_outputs<'a>(
         if args.events.are_on(room) {
             let files =
                 EventFiles::new(folder, room, &args.room, &args.events.options())?.kept(&persistence)?;
+            let files = files.after(earlier.as_deref())?;
             let log = EventLog::new(files, prepared, Some(clock));
             outputs.push(Box::new(log.with_listener(Box::new(move |events| report(events, &clock)))));
         }
