@@ -18,6 +18,7 @@
 //! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
+//! * [`verdict`] — green, amber or red, with reasons: whether a built room is to be believed.
 //! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
 //! * [`error`] — the error type: each line names file, place and what to do.
 #![forbid(unsafe_code)]
@@ -43,5 +44,6 @@ pub mod rolling_shutter;
 pub mod scale;
 pub mod schur;
 pub mod surface;
+pub mod verdict;
 
 pub use error::{Error, Result};

@@ -1,6 +1,6 @@
 //! `recon`: builds a metric room from the films that cameras took while they were installed.
 //!
-//! Exit status: 0, or 2 when the command failed; then one line on standard error names the problem and its place.
+//! Exit status: 0, or 1 when a build's verdict is red, or 2 when the command failed; then one line on standard error names the problem and its place.
 #![forbid(unsafe_code)]
 
 mod cli;
@@ -12,5 +12,7 @@ use shell::console::{CANNOT, Console};
 fn main() -> ExitCode {
     let arguments: cli::Arguments = shell::console::arguments();
     let console = Console::start(arguments.verbose);
-    console.end(arguments.command.run(&console), CANNOT)
+    let done = arguments.command.run(&console);
+    let failure = done.as_ref().err().map_or(CANNOT, cli::Command::failure);
+    console.end(done, failure)
 }

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use recon::dense::DenseOptions;
 use recon::pipeline::{self, BuildOptions, BuildReport};
 use recon::project::Project;
+use recon::verdict::{Light, Verdict};
 use shell::console::{Console, ProgressStages};
 use shell::files::{FolderLock, LockError, Outputs};
 use shell::ranges::THREADS;
@@ -16,6 +17,10 @@ use shell::ranges::THREADS;
 ///
 /// Besides scene.toml, room.ply and the reference images, the room gets pictures that show whether it worked: plan.png
 /// (the floor plan) and preview/NAME.png (reference image, depth, the room redrawn); and report.json.
+///
+/// It ends with a verdict, which report.json and the preview have, too: green, amber (doubtful: look at the preview, mend what
+/// is named) or red (the room contradicts itself, or has an impossible size). A red room is kept beside DIR, as DIR.red, and
+/// replaces nothing; the exit status is 1 then.
 ///
 /// Results of each capture are kept (in DIR.unfinished, later in DIR/cache): an interrupted build is resumed, and
 /// another pick or distance costs seconds.
@@ -93,6 +98,26 @@ fn lock(out: &Path) -> anyhow::Result<Option<FolderLock>> {
     }
 }
 
+/// A finished room that is not to be believed.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{}: the verdict is red, so nothing was replaced; the room is kept in {} to look at its preview: mend what is named above and \
+     build again", asked.display(), kept.display()
+)]
+pub(crate) struct RedRoom {
+    asked: PathBuf,
+    kept: PathBuf,
+}
+
+/// Prints a verdict with its reasons, a line each.
+pub(super) fn tell_verdict(verdict: &Verdict, console: &Console) {
+    console.line(&format!("verdict: {}", verdict.light.word()));
+    for reason in &verdict.reasons {
+        let mark = if reason.light == Light::Green { "note" } else { reason.light.word() };
+        console.line(&format!("  {mark}: {}", reason.text));
+    }
+}
+
 impl Build {
     pub(crate) fn run(&self, console: &Console) -> anyhow::Result<()> {
         limit_threads(self.threads)?;
@@ -113,7 +138,12 @@ impl Build {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
         });
         drop(stages);
-        self.summarise(&report?, console);
+        let report = report?;
+        self.summarise(&report, console);
+        tell_verdict(&report.verdict, console);
+        if report.verdict.light == Light::Red {
+            return Err(RedRoom { asked: self.out.clone(), kept: report.room }.into());
+        }
         Ok(())
     }
 
@@ -148,7 +178,7 @@ impl Build {
             "{picks}floor to {:.1} cm, {} discs; the room is in {}",
             100.0 * report.floor_rms_m,
             report.discs,
-            self.out.display()
+            report.room.display()
         ));
     }
 }

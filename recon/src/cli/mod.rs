@@ -4,7 +4,7 @@ mod build;
 mod picks;
 
 use clap::{Parser, Subcommand};
-use shell::console::Console;
+use shell::console::{CANNOT, Console};
 
 /// Rooms from captures: each camera is filmed while it is moved to its final pose.
 #[derive(Parser)]
@@ -23,7 +23,15 @@ pub(crate) enum Command {
     Picks(picks::Picks),
 }
 
+/// Exit status of a build whose verdict is red.
+const RED: u8 = 1;
+
 impl Command {
+    /// Exit status of a command that ended with this error.
+    pub(crate) fn failure(error: &anyhow::Error) -> u8 {
+        if error.is::<build::RedRoom>() { RED } else { CANNOT }
+    }
+
     pub(crate) fn run(&self, console: &Console) -> anyhow::Result<()> {
         match self {
             Self::Build(command) => command.run(console),
