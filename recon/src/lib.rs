@@ -20,6 +20,7 @@
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
 //! * [`verdict`] — green, amber or red, with reasons: whether a built room is to be believed.
 //! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
+//! * [`picks_page`] — the same in the browser, with the scale, the build and its verdict.
 //! * [`error`] — the error type: each line names file, place and what to do.
 #![forbid(unsafe_code)]
 
@@ -34,6 +35,7 @@ pub mod floor;
 pub mod fusion;
 pub mod merge;
 pub mod motion;
+pub mod picks_page;
 pub mod pipeline;
 pub mod planes;
 pub mod plumb;

@@ -1,7 +1,6 @@
 //! `recon build`: builds a room directory from a capture project.
 
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::ValueEnum;
@@ -10,7 +9,7 @@ use recon::pipeline::{self, BuildOptions, BuildReport};
 use recon::project::Project;
 use recon::verdict::{Light, Verdict};
 use shell::console::{Console, ProgressStages};
-use shell::files::{FolderLock, LockError, Outputs};
+use shell::files::Outputs;
 use shell::ranges::THREADS;
 
 /// Build a room directory from a capture project.
@@ -84,20 +83,6 @@ pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Locks a room for one build at a time, by a file in the folder that it is, or will be, in: the room itself is replaced.
-/// `None` in a folder that cannot be written: the build reports it when it writes the room.
-fn lock(out: &Path) -> anyhow::Result<Option<FolderLock>> {
-    let absolute = std::path::absolute(out).with_context(|| out.display().to_string())?;
-    let above = absolute.ancestors().skip(1).find(|folder| folder.is_dir()).unwrap_or(Path::new("/"));
-    let name = absolute.file_name().unwrap_or_default().to_string_lossy();
-    let file = above.join(format!(".{name}{}", FolderLock::NAME));
-    match FolderLock::take_file(&file, out, "recon build", Duration::ZERO) {
-        Ok(lock) => Ok(Some(lock)),
-        Err(LockError::Io { .. }) => Ok(None),
-        Err(held) => Err(held.into()),
-    }
-}
-
 /// A finished room that is not to be believed.
 #[derive(Debug, thiserror::Error)]
 #[error(
@@ -124,7 +109,7 @@ impl Build {
         let files = [Some(&self.project), self.zones.as_ref(), self.options.as_ref()];
         let captures = Project::inputs(&self.project);
         Outputs::new([self.out.as_path()]).refuse(files.into_iter().flatten().chain(&captures))?;
-        let _lock = lock(&self.out)?;
+        let _lock = pipeline::lock_room(&self.out)?;
         let mut options = match &self.options {
             Some(file) => BuildOptions::read(file)?,
             None => BuildOptions { dense: self.quality.dense(), ..BuildOptions::default() },

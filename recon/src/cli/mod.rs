@@ -2,6 +2,7 @@
 
 mod build;
 mod picks;
+mod picks_page;
 
 use clap::{Parser, Subcommand};
 use shell::console::{CANNOT, Console};

@@ -6,9 +6,11 @@
 
 mod cache;
 mod camera;
+mod lock;
 mod options;
 mod output;
 mod preview;
+mod proposed;
 mod reference_view;
 mod report;
 mod workplace;
@@ -35,6 +37,7 @@ use crate::verdict::Light;
 use crate::{Error, Result};
 use cache::{Keys, StageCache};
 use camera::{CameraResult, ProcessedCapture};
+pub use lock::lock_room;
 pub use options::BuildOptions;
 pub use reference_view::{ReferenceView, reference_views};
 pub use report::{BuildReport, CameraReport, CameraSeconds, Seconds, StartErrors};
@@ -54,7 +57,7 @@ pub struct BuildStep {
 const STEPS_A_CAMERA: usize = 3;
 const STEPS_A_ROOM: usize = 2;
 
-/// Builds the room of `project_file` into the directory `out`.
+/// Builds the room of `project_file` into the directory `out`. Where the project has no points, it proposes them to itself.
 ///
 /// # Errors
 /// The first problem, with its place. `out` is then as it was before; finished cameras are cached beside it for the
@@ -66,7 +69,7 @@ pub fn build(
     progress: &mut (dyn FnMut(&BuildStep) + Send),
 ) -> Result<BuildReport> {
     options.check()?;
-    let mut project = Project::read(project_file)?;
+    let mut project = Project::read_to_build(project_file)?;
     let markings = options.zones.as_deref().map(scenes::room::read_markings).transpose()?;
     let before = output::check_target(out)?;
     let of = project.cameras.len() * STEPS_A_CAMERA + STEPS_A_ROOM;
@@ -116,6 +119,10 @@ pub fn build(
     let key_frame_discs: Vec<&[Disc]> =
         cameras.iter().map(|(c, _)| c.processed.key_frame_discs.as_slice()).collect();
     let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.processed.lens.clone()).collect();
+    let is_unpicked = project.points.is_empty() && surfaces.len() > 1;
+    if is_unpicked {
+        report.proposed_points = proposed::take(&mut project, &surfaces, &lenses, options.seed)?;
+    }
     let captures = Captures {
         surfaces: &surfaces,
         key_frame_discs: &key_frame_discs,
@@ -153,7 +160,7 @@ pub fn build(
 /// Captures of a project's cameras, all checked before the first is processed.
 fn files_of(cameras: &[ProjectCamera]) -> Result<Vec<CaptureFile>> {
     let open = |camera: &ProjectCamera| {
-        CaptureFile::open(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
+        CaptureFile::open(&camera.name, &camera.capture, camera.reference.clone(), camera.intrinsics.clone())
     };
     let opened: Vec<Result<CaptureFile>> = cameras.par_iter().map(open).collect();
     // The first error in file order is reported, not the first one found.

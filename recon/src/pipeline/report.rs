@@ -32,6 +32,8 @@ pub struct BuildReport {
     pub pick_rms_px: f64,
     /// Outliers among the picks, a sentence each.
     pub picks_left_out: Vec<String>,
+    /// Number of points that the program proposed to itself, since the project has none.
+    pub proposed_points: usize,
     /// Number of matches between pictures that joined the cameras beside the picks.
     pub matches: usize,
     /// Estimated relative standard deviation of the depths at each camera's picks; empty for one camera.
@@ -232,6 +234,12 @@ impl BuildReport {
         self.seen_through_pixels = done.fusion.seen_through;
         self.evidence.clone_from(&done.evidence);
         self.verdict = verdict::judge(&self.evidence, figures);
+        if self.proposed_points > 0 {
+            self.verdict.note(format!(
+                "no points are picked: {} that the program proposed join the cameras; `recon picks --page` shows them",
+                self.proposed_points
+            ));
+        }
         self.seconds.assembling = took.as_secs_f64();
     }
 

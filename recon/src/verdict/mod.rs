@@ -107,6 +107,13 @@ pub struct Verdict {
     pub reasons: Vec<Reason>,
 }
 
+impl Verdict {
+    /// Adds what is only worth knowing.
+    pub(crate) fn note(&mut self, text: String) {
+        self.reasons.push(Reason { light: Light::Green, text });
+    }
+}
+
 /// Figures of a capture that a verdict weighs.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CaptureFigures {
