@@ -44,6 +44,11 @@ impl Server {
     /// An I/O error when the system closes the socket.
     pub fn run(self, session: Arc<Session>) -> io::Result<()> {
         session.start();
+        self.serve(session)
+    }
+
+    /// Answers pages of a session whose work is not started here.
+    pub(super) fn serve(self, session: Arc<Session>) -> io::Result<()> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         runtime.block_on(self.0.serve(routes(session)))
     }

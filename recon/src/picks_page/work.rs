@@ -58,6 +58,13 @@ pub(super) struct ProposedPoint {
     correlation: f64,
 }
 
+#[cfg(test)]
+impl ProposedPoint {
+    pub(super) fn new(cameras: [&str; 2], pixels: [Point2<f64>; 2], correlation: f64) -> Self {
+        Self { cameras: cameras.map(str::to_owned), pixels, correlation }
+    }
+}
+
 /// Reference views of all cameras, and what was found between them.
 pub(super) struct Views {
     pub(super) views: Vec<ReferenceView>,
@@ -71,7 +78,7 @@ pub(super) struct ReferencePicture {
 }
 
 impl ReferencePicture {
-    fn read(camera: &ProjectCamera) -> Result<Self> {
+    pub(super) fn read(camera: &ProjectCamera) -> Result<Self> {
         let ProjectCamera { name, capture, reference, intrinsics } = camera.clone();
         let mut capture = CaptureFile::open(&name, &capture, reference, intrinsics)?.read()?;
         let picture = capture.frames.swap_remove(capture.reference);

@@ -232,6 +232,21 @@ mod tests {
         normals
     }
 
+    /// A camera that looks down by 30°, among upright lines: the floor's normal is the vertical, a façade's is not.
+    #[test]
+    fn lines_tell_the_floor_from_a_wall() {
+        let up = Vector3::new(0.0, -30f64.to_radians().cos(), -30f64.to_radians().sin());
+        let camera_from_world = Rotation3::rotation_between(&Vector3::z(), &up).unwrap();
+        let normals: Vec<Vector3<f64>> =
+            normals(3, 14, 200, [0.0, 0.0], 0.3).iter().map(|n| camera_from_world * n).collect();
+        let floor = against(&normals, &up).unwrap();
+        assert!(floor.lean_deg < 1.0 && floor.outvoted < 1.2, "{floor:?}");
+        let wall = Vector3::new(0.0, 30f64.to_radians().sin(), -30f64.to_radians().cos());
+        let wall = against(&normals, &wall).unwrap();
+        assert!((wall.lean_deg - 90.0).abs() < 1.5 && wall.outvoted > 2.0, "{wall:?}");
+        assert!(against(&[], &up).is_none());
+    }
+
     fn tilt_deg(found: &Plumb) -> [f64; 2] {
         [found.up.x, found.up.y].map(|t| (t / found.up.z).atan().to_degrees())
     }

@@ -3,6 +3,7 @@
 import { BuildPanel } from "/build.js";
 import { magnifiedPair } from "/magnified.js";
 import { Picture } from "/picture.js";
+import { ScaleForm } from "/scale.js";
 import { Latest, ask } from "/server.js";
 import { isCoarse } from "/shapes.js";
 
@@ -26,12 +27,10 @@ const residuals = new Map(); // "point camera" → { px, left_out }
 let project = null;
 let cameras = [];
 let points = []; // { id, number, picks: { camera: [x, y] } }
-let scale = null;
 let saved = "";
 let selected = null; // { id, camera }
 let past = [];
 let nextId = 1;
-let ends = null; // of a length while it is clicked: { camera, pixels }
 let line = null; // { camera, line, guess }
 let progress = { pictures: {}, proposals: [], captures: { state: "idle" }, build: { state: "idle" } };
 let saidPairs = [];
@@ -40,6 +39,7 @@ const fail = (error) => say(error.message, "wrong", error.status === 409);
 const actions = { pick, grab: () => remember(), move, hover, choose: () => {} };
 const panes = [...document.querySelectorAll(".pane")].map((figure, side) => new Picture(figure, { ...actions, choose: (name) => chooseCamera(side, name) }));
 const room = new BuildPanel(fail);
+const scale = new ScaleForm(remember, (isOther) => (isOther ? changed() : draw()));
 const asked = new Latest("/residuals", (reply, { ids }) => {
   residuals.clear();
   for (const { misfits } of reply.pairs) {
@@ -68,13 +68,13 @@ function say(text, kind = "", isConflict = false) {
 // The points and the scale as they are saved.
 function picked() {
   const whole = points.filter(({ picks }) => Object.keys(picks).length > 1);
-  return { points: whole.map(({ number, picks }) => ({ number, picks })), scale: scaleOf() };
+  return { points: whole.map(({ number, picks }) => ({ number, picks })), scale: scale.whole() };
 }
 
 const round = (pixel) => pixel.map((value) => Math.round(value * 10) / 10);
 const pending = () => points.find(({ picks }) => Object.keys(picks).length === 1);
 const pointOfId = (id) => points.find((point) => point.id === id);
-const snapshot = () => JSON.stringify({ points, scale });
+const snapshot = () => JSON.stringify({ points, stated: scale.stated });
 
 function remember() {
   past.push(snapshot());
@@ -83,9 +83,10 @@ function remember() {
 function undo() {
   const before = past.pop();
   if (!before) return;
-  ({ points, scale } = JSON.parse(before));
+  const { points: earlier, stated } = JSON.parse(before);
+  points = earlier;
   selected = null;
-  showScale();
+  scale.load(stated);
   changed();
 }
 
@@ -114,7 +115,7 @@ function askLine({ picks }) {
 
 // A pixel is clicked.
 function pick(camera, pixel, id, isAdding) {
-  if (ends) return setEnd(camera, pixel);
+  if (scale.ends) return scale.setEnd(camera, snapped(camera, pixel));
   if (id !== null) {
     selected = { id, camera };
     return draw();
@@ -127,6 +128,12 @@ function pick(camera, pixel, id, isAdding) {
   point.picks[camera] = round(pixel);
   selected = { id: point.id, camera };
   changed();
+}
+
+// A pick nearby, or the pixel itself: a point that is picked in several pictures is known better.
+function snapped(camera, pixel) {
+  const isNear = (other) => other && Math.hypot(other[0] - pixel[0], other[1] - pixel[1]) < SNAP_PX;
+  return points.map(({ picks }) => picks[camera]).find(isNear) ?? round(pixel);
 }
 
 function move(id, camera, pixel) {
@@ -162,57 +169,6 @@ function showCamera(side, name) {
   if (images.has(name)) panes[side].show(name, images.get(name), progress.pictures[name]);
 }
 
-// Scale.
-
-function setEnd(camera, pixel) {
-  const near = points.map(({ picks }) => picks[camera]).find((other) => other && Math.hypot(other[0] - pixel[0], other[1] - pixel[1]) < SNAP_PX);
-  const place = near ?? round(pixel);
-  if (ends.camera !== camera) ends = { camera, pixels: [] };
-  ends.pixels.push(place);
-  if (ends.pixels.length === 2) {
-    remember();
-    const [from, to] = ends.pixels;
-    scale = { camera, from, to, metres: Number(byId("metres").value) || null };
-    ends = null;
-    byId("metres").focus();
-    showScale();
-    return changed();
-  }
-  draw();
-}
-
-// The scale as it is saved; null while it is not whole, which leaves the file's.
-function scaleOf() {
-  if (!scale) return null;
-  const { camera, from, to, metres, height, board, square } = scale;
-  if (from && to && metres > 0) return { camera, from, to, metres };
-  if (height > 0) return { camera, height };
-  if (board && square > 0) return { camera, board, square };
-  return null;
-}
-
-function showScale() {
-  const kind = scale?.board !== undefined ? "board" : scale?.height !== undefined ? "height" : "length";
-  byId("scale-kind").value = kind;
-  byId("metres").value = (kind === "height" ? scale.height : scale?.metres) ?? "";
-  byId("board").value = scale?.board ?? "";
-  byId("square").value = scale?.square ?? "";
-  if (scale?.camera) byId("scale-camera").value = scale.camera;
-  for (const part of document.querySelectorAll("[data-scale]")) part.hidden = !part.dataset.scale.split(" ").includes(kind);
-}
-
-function readScale() {
-  remember();
-  const kind = byId("scale-kind").value;
-  const number = (id) => Number(byId(id).value) || null;
-  const camera = byId("scale-camera").value;
-  if (kind === "height") scale = { camera, height: number("metres") };
-  else if (kind === "board") scale = { camera, board: byId("board").value, square: number("square") };
-  else scale = scale?.from ? { camera: scale.camera, from: scale.from, to: scale.to, metres: number("metres") } : { metres: number("metres") };
-  showScale();
-  changed();
-}
-
 // What is shown.
 
 function stateOf(id, camera) {
@@ -232,12 +188,11 @@ function mark() {
   for (const pane of panes) {
     const { camera } = pane;
     const of = points.map((point, i) => ({ point, label: String(i + 1) })).filter(({ point }) => point.picks[camera]);
-    const length = ends?.camera === camera && ends.pixels.length === 1 ? [ends.pixels[0], ends.pixels[0]] : scale?.from && scale.camera === camera ? [scale.from, scale.to] : null;
     pane.mark({
       picks: of.map(({ point, label }) => ({ id: point.id, label, pixel: point.picks[camera], state: stateOf(point.id, camera), isSelected: selected?.id === point.id })),
       proposals: proposals.map((proposal) => proposal.pixels[proposal.cameras.indexOf(camera)]),
       line: line?.camera === camera ? line : null,
-      length,
+      length: scale.lineIn(camera),
     });
   }
 }
@@ -248,13 +203,12 @@ function draw() {
   const proposals = openProposals();
   byId("proposals").replaceChildren(...proposals.map(proposalItem));
   byId("take-all").hidden = proposals.length < 2;
-  byId("ends").setAttribute("aria-pressed", ends !== null);
-  byId("ends-said").value = ends ? `${ends.pixels.length} of 2` : scale?.from ? `in ${scale.camera}` : "";
+  scale.say();
   const problems = saidPairs.map(({ cameras: [a, b], points: count, problem }) => problem ? `${a} and ${b}: ${problem}` : `${a} and ${b}: ${count} points${count < 3 ? ", at least 3 are needed" : count === 3 ? ", which prove nothing: pick two more" : ""}`);
   byId("pair").textContent = problems.join("; ") || "None yet.";
   byId("pair").className = saidPairs.some(({ problem }) => problem) ? "wrong" : "";
   const isReady = Object.keys(progress.pictures).length > 1;
-  byId("hint").textContent = HINTS[ends ? "ends" : !isReady ? "wait" : pending() ? "second" : points.length > 0 ? "idle" : "first"];
+  byId("hint").textContent = HINTS[scale.ends ? "ends" : !isReady ? "wait" : pending() ? "second" : points.length > 0 ? "idle" : "first"];
 }
 
 function item(label, picks) {
@@ -313,10 +267,9 @@ function proposalItem(proposal) {
 function loaded({ version, picked: { points: tables, scale: stated } }) {
   project.version = version;
   points = tables.map(({ number, picks }) => ({ id: nextId++, number, picks }));
-  scale = stated && Object.fromEntries(Object.entries(stated).filter(([, value]) => value !== null));
+  scale.load(stated);
   past = [];
-  selected = ends = null;
-  showScale();
+  selected = null;
   saved = JSON.stringify(picked());
   changed();
 }
@@ -328,7 +281,7 @@ async function load() {
     byId("project").textContent = project.name;
     document.title = `Picks of ${project.name}`;
     for (const pane of panes) pane.offer(cameras);
-    byId("scale-camera").replaceChildren(...cameras.map((name) => new Option(name, name)));
+    scale.offer(cameras);
     loaded(project);
   } catch (error) {
     fail(error);
@@ -401,7 +354,7 @@ document.addEventListener("keydown", (event) => {
   }
   if (event.target.matches("input, select")) return;
   if (event.key === "Escape") {
-    if (ends) ends = null;
+    if (scale.ends) scale.ends = null;
     else if (pending()) return remove(pending().id);
     else selected = null;
     return draw();
@@ -421,8 +374,6 @@ byId("save").addEventListener("click", save);
 byId("build").addEventListener("click", build);
 byId("again").addEventListener("click", load);
 byId("take-all").addEventListener("click", () => take(openProposals()));
-byId("ends").addEventListener("click", () => { ends = ends ? null : { camera: null, pixels: [] }; draw(); });
-for (const id of ["scale-kind", "scale-camera", "board", "square", "metres"]) byId(id).addEventListener("change", readScale);
 window.addEventListener("beforeunload", (event) => { if (isUnsaved()) event.preventDefault(); });
 
 load().then(watch);
