@@ -260,7 +260,8 @@ mod tests {
             let turn = 2.4 * f64::from(i);
             Point3::new(turn.cos(), (1.7 * turn).sin(), 3.0 + (0.8 * turn).sin())
         };
-        let right: Vec<(Point3<f64>, Point3<f64>)> = (0..7).map(|i| (a_from_b * place(i), place(i))).collect();
+        let right: Vec<(Point3<f64>, Point3<f64>)> =
+            (0..7).map(|i| (a_from_b * place(i), place(i))).collect();
         let mirrored: Vec<_> = right.iter().map(|(a, b)| (*a, Point3::new(-b.x, b.y, b.z))).collect();
         let wrong: Vec<_> = right.iter().zip((0..7).rev()).map(|((a, _), i)| (*a, place(i))).collect();
         assert!(pair(&right).is_ok());

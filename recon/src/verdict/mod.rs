@@ -37,10 +37,9 @@ impl Bounds {
 const IN_THE_WAY: Bounds = Bounds { doubtful: 0.15, impossible: 0.3 };
 /// Number of pixels below which such a share tells nothing.
 const LEAST_OVERLAPPING: usize = 200;
-/// Least correlation of the pictures where two surfaces coincide that bears a pair out, …
+/// Least median correlation of the pictures where two surfaces coincide that bears a pair out, at least at this number of
+/// places; pictures that are less alike there show different things.
 const ALIKE: f64 = 0.35;
-/// … and the largest of pictures that show different things; both of at least this number of places.
-const UNLIKE: f64 = 0.12;
 const LEAST_COMPARED: usize = 40;
 /// Number of picks that fit a pair whatever they are.
 const FITS_ANYTHING: usize = 3;
@@ -135,8 +134,8 @@ pub fn judge(evidence: &RoomEvidence, captures: &[CaptureFigures]) -> Verdict {
     sizes(evidence, captures, &mut reasons);
     pairs(evidence, captures, &mut reasons);
     floor(evidence, captures, &mut reasons);
-    for capture in captures {
-        of_capture(capture, &mut reasons);
+    for (index, capture) in captures.iter().enumerate() {
+        of_capture(index, capture, evidence, &mut reasons);
     }
     reasons.sort_by_key(|reason| std::cmp::Reverse(reason.light));
     let light = reasons.iter().map(|reason| reason.light).max().unwrap_or_default();
@@ -177,18 +176,12 @@ fn metres(value: f64) -> String {
 
 /// Cameras that contradict each other, and joints that nothing bears out.
 fn pairs(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec<Reason>) {
-    let contradicted = |pair: &PairEvidence| {
-        if pair.overlapping < LEAST_OVERLAPPING { Light::Green } else { IN_THE_WAY.light(pair.in_the_way) }
-    };
     for pair in &evidence.pairs {
         let [a, b] = pair.cameras.map(|camera| &captures[camera].name);
         let width = pair.cameras.map(|camera| captures[camera].width).into_iter().min().unwrap_or_default();
-        let is_unlike = pair.compared >= LEAST_COMPARED && pair.correlation < UNLIKE;
-        let is_borne_out = pair.compared >= LEAST_COMPARED && pair.correlation >= ALIKE;
-        let mut light = contradicted(pair);
-        if light == Light::Amber && is_unlike {
-            light = Light::Red;
-        }
+        let is_unlike = pair.compared >= LEAST_COMPARED && pair.correlation < ALIKE;
+        let is_borne_out = pair.is_borne_out();
+        let light = pair.contradiction();
         if light > Light::Green {
             let text = format!(
                 "{:.0} % of what `{a}` and `{b}` measured stands in the other's view, which sees past it: check their picks, \
@@ -242,6 +235,28 @@ fn pairs(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec
     }
 }
 
+impl PairEvidence {
+    /// Whether both pictures are alike where the surfaces coincide.
+    fn is_borne_out(&self) -> bool {
+        self.compared >= LEAST_COMPARED && self.correlation >= ALIKE
+    }
+
+    /// Colour by the surfaces that stand in the other's view. Edges of things and vague depths stand there, too: where the
+    /// pictures are alike a share is less doubtful, and where they differ it is more.
+    fn contradiction(&self) -> Light {
+        if self.overlapping < LEAST_OVERLAPPING {
+            return Light::Green;
+        }
+        let is_compared = self.compared >= LEAST_COMPARED;
+        match (IN_THE_WAY.light(self.in_the_way), self.is_borne_out()) {
+            (Light::Red, true) => Light::Amber,
+            (Light::Amber, true) => Light::Green,
+            (Light::Amber, false) if is_compared => Light::Red,
+            (light, _) => light,
+        }
+    }
+}
+
 /// A floor that is small, or on which the pictures do not stand upright.
 fn floor(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec<Reason>) {
     if evidence.floor_share < LEAST_FLOOR {
@@ -269,10 +284,13 @@ fn floor(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec
     }
 }
 
-/// Doubts about one capture.
-fn of_capture(capture: &CaptureFigures, reasons: &mut Vec<Reason>) {
+/// Doubts about one capture; only worth knowing where its picture and another camera's bear its space out.
+fn of_capture(index: usize, capture: &CaptureFigures, evidence: &RoomEvidence, reasons: &mut Vec<Reason>) {
     let name = &capture.name;
-    let mut doubt = |text: String| reasons.push(Reason { light: Light::Amber, text });
+    let mut of_camera = evidence.pairs.iter().filter(|pair| pair.cameras.contains(&index));
+    let is_borne_out = of_camera.any(|pair| pair.is_borne_out() && pair.contradiction() == Light::Green);
+    let light = if is_borne_out { Light::Green } else { Light::Amber };
+    let mut doubt = |text: String| reasons.push(Reason { light, text });
     if capture.parallax_deg < LEAST_PARALLAX_DEG {
         doubt(format!(
             "`{name}` hardly moved (points are seen from directions {:.1}° apart), so its depths are vague: film along a wider path",

@@ -71,11 +71,12 @@ fn surfaces_in_anothers_view_contradict_the_room() {
             (pair.in_the_way, pair.correlation, pair.overlapping) = (share, correlation, overlapping);
         })
     };
-    let (light, text) = with(0.5, 0.6, 4000);
+    assert_eq!(with(0.5, 0.6, 4000).0, Light::Amber);
+    let (light, text) = with(0.5, 0.3, 4000);
     assert!(light == Light::Red && text.contains("50 %") && text.contains("mirrored"), "{text}");
-    assert_eq!(with(0.2, 0.6, 4000).0, Light::Amber);
-    assert_eq!(with(0.2, 0.0, 4000).0, Light::Red, "pictures that differ, too");
-    assert_eq!(with(0.5, 0.6, 20).0, Light::Green, "of a few pixels nothing is known");
+    assert_eq!(with(0.2, 0.6, 4000).0, Light::Green, "edges of things, where the pictures agree");
+    assert_eq!(with(0.2, 0.2, 4000).0, Light::Red, "pictures that differ, too");
+    assert_eq!(with(0.5, 0.5, 20).0, Light::Green, "of a few pixels nothing is known");
     assert_eq!(with(0.02, 0.0, 4000).0, Light::Amber);
 }
 
@@ -116,11 +117,20 @@ fn a_wall_taken_for_the_floor_is_doubted_by_the_lines_of_most_pictures() {
 
 #[test]
 fn captures_that_hardly_moved_and_picks_left_out_are_told() {
-    let (light, text) = judged(|_, captures| captures[1].parallax_deg = 1.2);
+    // Pictures that agree outweigh them; where too few places are compared nothing does.
+    let alone = |change: fn(&mut Vec<CaptureFigures>)| {
+        let with_others = judged(|_, captures| change(captures)).0;
+        assert_eq!(with_others, Light::Green);
+        judged(|room, captures| {
+            room.pairs[0].compared = 5;
+            change(captures);
+        })
+    };
+    let (light, text) = alone(|captures| captures[1].parallax_deg = 1.2);
     assert!(light == Light::Amber && text.contains("`right` hardly moved"), "{text}");
-    let (light, text) = judged(|_, captures| captures[0].doubts.push("two motions fit".into()));
+    let (light, text) = alone(|captures| captures[0].doubts.push("two motions fit".into()));
     assert!(light == Light::Amber && text == "`left`: two motions fit", "{text}");
-    assert_eq!(judged(|_, captures| captures[0].focal_sigma = Some(0.2)).0, Light::Amber);
+    assert_eq!(alone(|captures| captures[0].focal_sigma = Some(0.2)).0, Light::Amber);
     let (light, text) = judged(|room, _| room.pairs[0].left_out = 1);
     assert!(light == Light::Green && text.contains("1 of 7 picks"), "{text}");
     assert_eq!(judged(|room, _| room.pairs[0].left_out = 4).0, Light::Amber);
@@ -132,6 +142,7 @@ fn the_worst_reason_comes_first() {
     let (mut evidence, mut captures) = (evidence(), captures());
     captures[0].parallax_deg = 1.2;
     evidence.pairs[0].in_the_way = 0.6;
+    evidence.pairs[0].compared = 5;
     evidence.pairs[0].left_out = 1;
     let lights: Vec<Light> = judge(&evidence, &captures).reasons.iter().map(|reason| reason.light).collect();
     assert_eq!(lights, [Light::Red, Light::Amber, Light::Green]);
