@@ -21,7 +21,7 @@ const MOST_FRAMES: usize = 120;
 pub const ASSUMED_FOV_DEG: f64 = 60.0;
 
 /// Choice of the frame at the installed pose.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum ReferenceFrame {
     /// The first frame.
     First,
@@ -30,6 +30,8 @@ pub enum ReferenceFrame {
     Last,
     /// The frame with this number, counted from 1.
     Number(usize),
+    /// The image with this file name, in a capture that is a folder of images.
+    File(String),
 }
 
 impl FromStr for ReferenceFrame {
@@ -41,8 +43,10 @@ impl FromStr for ReferenceFrame {
             "last" => Ok(Self::Last),
             _ => match text.parse() {
                 Ok(number) if number >= 1 => Ok(Self::Number(number)),
+                // Each image of a folder has an extension.
+                Err(_) if Path::new(text).extension().is_some() => Ok(Self::File(text.into())),
                 _ => Err(Error::Room(format!(
-                    "reference `{text}` is none of \"first\", \"last\" or a frame counted from 1"
+                    "reference `{text}` is none of \"first\", \"last\", a frame counted from 1 or the file name of an image"
                 ))),
             },
         }
@@ -80,8 +84,13 @@ impl CaptureFile {
         let size = film.size();
         // Every frame is decoded: a defect of the last of many captures should be reported before work on the first
         // begins.
-        let (mut count, mut frame) = (0, RgbImage::new(size.0, size.1));
+        let (mut count, mut frame, mut named) = (0, RgbImage::new(size.0, size.1), None);
         while film.read(&mut frame)? {
+            if let ReferenceFrame::File(file) = &reference
+                && film.image_path().and_then(Path::file_name).is_some_and(|name| name == file.as_str())
+            {
+                named = Some(count);
+            }
             count += 1;
         }
         if count < MIN_FRAMES {
@@ -91,6 +100,12 @@ impl CaptureFile {
         let reference = match reference {
             ReferenceFrame::First => 0,
             ReferenceFrame::Last => count - 1,
+            ReferenceFrame::File(file) => named.ok_or_else(|| {
+                let problem = format!(
+                    "no image of the capture is called `{file}`; a film's frames have numbers, from 1"
+                );
+                Error::content(path, "reference", problem)
+            })?,
             ReferenceFrame::Number(number) if (1..=count).contains(&number) => number - 1,
             ReferenceFrame::Number(number) => {
                 let problem =
@@ -251,6 +266,19 @@ fn exif_focal_px(camera: &str, film: &FrameSource) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_reference_may_be_named_by_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["9.png", "10.png", "11.png"] {
+            RgbImage::new(8, 6).save(folder.path().join(name)).unwrap();
+        }
+        let load = |text: &str| Capture::load("cam", folder.path(), text.parse()?, None);
+        assert_eq!(["9.png", "10.png", "11.png"].map(|name| load(name).unwrap().reference), [0, 1, 2]);
+        let said = load("12.png").unwrap_err().to_string();
+        assert!(said.contains("no image of the capture is called `12.png`"), "{said}");
+        assert!(load("middle").unwrap_err().to_string().contains("file name"));
+    }
 
     #[test]
     fn frames_reference_and_size_are_checked() {

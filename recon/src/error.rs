@@ -23,6 +23,9 @@ pub enum Error {
         /// Problem, and what to do about it.
         problem: String,
     },
+    /// A project file that another program changed after it was read.
+    #[error("{}: another program has changed it meanwhile; load it again, then save", .0.display())]
+    Changed(PathBuf),
     /// A capture that determines no motion or structure.
     #[error("camera `{camera}`: {problem}")]
     Capture {

@@ -18,7 +18,9 @@
 //! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
+//! * [`verdict`] — green, amber or red, with reasons: whether a built room is to be believed.
 //! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
+//! * [`picks_page`] — the same in the browser, with the scale, the build and its verdict.
 //! * [`error`] — the error type: each line names file, place and what to do.
 //! * [`cli`] — the command line: one file a subcommand.
 #![forbid(unsafe_code)]
@@ -35,6 +37,7 @@ pub mod floor;
 pub mod fusion;
 pub mod merge;
 pub mod motion;
+pub mod picks_page;
 pub mod pipeline;
 pub mod planes;
 pub mod plumb;
@@ -45,5 +48,6 @@ pub mod rolling_shutter;
 pub mod scale;
 pub mod schur;
 pub mod surface;
+pub mod verdict;
 
 pub use error::{Error, Result};

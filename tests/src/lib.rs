@@ -26,3 +26,4 @@ pub mod live;
 pub mod mask_recording;
 pub mod network_camera;
 pub mod project;
+pub mod spoilt;

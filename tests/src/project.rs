@@ -42,7 +42,7 @@ pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> StepResult<(
             "[[camera]]\nname = \"{name}\"\ncapture = \"{name}\"\nintrinsics = \"{name}.toml\""
         );
     }
-    for [a, b] in picks(room, [&first.camera, &second.camera])? {
+    for [a, b] in picks(room, [&first.camera, &second.camera], PICKS, 1)? {
         let (one, other) = (&first.name, &second.name);
         let _ = writeln!(text, "[[point]]\n{one} = [{}, {}]\n{other} = [{}, {}]", a.x, a.y, b.x, b.y);
     }
@@ -52,16 +52,24 @@ pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> StepResult<(
     save("zones.toml", &zones(room, &first.camera))
 }
 
-/// Places visible to both cameras, well inside both images.
-fn picks(room: &SyntheticRoom, [a, b]: [&Camera; 2]) -> StepResult<Vec<[Point2<f64>; 2]>> {
+/// Pixels of `count` places visible to both cameras, well inside both images.
+///
+/// # Errors
+/// A room without geometry.
+pub fn picks(
+    room: &SyntheticRoom,
+    [a, b]: [&Camera; 2],
+    count: usize,
+    seed: u64,
+) -> StepResult<Vec<[Point2<f64>; 2]>> {
     let geometry = room.room.geometry.as_ref().ok_or("the room has no geometry")?;
     let scene = RayScene::new(geometry).map_err(|e| e.to_string())?;
     let single = |p: Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
     let [width, height] = [a.intrinsics.width, a.intrinsics.height].map(f64::from);
     let margin = MARGIN * width;
-    let mut rng = Pcg64Mcg::seed_from_u64(1);
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut picks = Vec::new();
-    while picks.len() < PICKS {
+    while picks.len() < count {
         let pixel =
             Point2::new(rng.random_range(margin..width - margin), rng.random_range(margin..height - margin));
         let Some(direction) = a.intrinsics.unproject(&pixel) else { continue };

@@ -16,7 +16,8 @@ use crate::project::Project;
 use crate::ray_depth::MeasuredPixel;
 use crate::scale::board::Square;
 use crate::surface::Surface;
-use crate::{Error, Result, scale};
+use crate::verdict::RoomEvidence;
+use crate::{Error, Result, scale, verdict};
 use join::JoinedCameras;
 
 /// Relative error of the depth at a pick from which on it is reported.
@@ -45,6 +46,8 @@ pub struct AssembleReport {
     pub metres_per_unit: f64,
     /// Report of the fusion to discs.
     pub fusion: FusionReport,
+    /// Evidence for and against the room.
+    pub evidence: RoomEvidence,
 }
 
 /// Results of the captures: one entry a camera of the project, in its order.
@@ -98,6 +101,14 @@ pub fn assemble(
     })?;
     let metres_per_unit =
         scale::metres_per_unit(project, surfaces, lenses, measured, square, &merged, &floor)?;
+    let evidence = verdict::evidence::gather(
+        project,
+        surfaces,
+        captures.edges,
+        (&merged, &merge_report),
+        (&floor, floor_report.area_share),
+        metres_per_unit,
+    );
     let world_from_common = floor::metric(&floor::world_frame(&floor, &poses[0]), metres_per_unit);
     let world_from_camera: Vec<Similarity3<f64>> =
         merged.common_from_camera.iter().map(|s| world_from_common * s).collect();
@@ -116,8 +127,13 @@ pub fn assemble(
         .collect();
     let discs: Vec<Disc> = discs.into_iter().filter(is_finite).collect();
     let room = Room { cameras, geometry: Some(Geometry::Discs(discs)), ..Room::default() };
-    let report =
-        AssembleReport { merge: merge_report, floor: floor_report, metres_per_unit, fusion: fusion_report };
+    let report = AssembleReport {
+        merge: merge_report,
+        floor: floor_report,
+        metres_per_unit,
+        fusion: fusion_report,
+        evidence,
+    };
     Ok((room, report))
 }
 

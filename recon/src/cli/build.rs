@@ -1,21 +1,25 @@
 //! `recon build`: builds a room directory from a capture project.
 
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::path::PathBuf;
 
 use crate::dense::DenseOptions;
 use crate::pipeline::{self, BuildOptions, BuildReport};
 use crate::project::Project;
+use crate::verdict::{Light, Verdict};
 use anyhow::Context;
 use clap::ValueEnum;
 use shell::console::{Console, ProgressStages};
-use shell::files::{FolderLock, LockError, Outputs};
+use shell::files::Outputs;
 use shell::ranges::THREADS;
 
 /// Build a room directory from a capture project.
 ///
 /// Besides scene.toml, room.ply and the reference images, the room gets pictures that show whether it worked: plan.png
 /// (the floor plan) and preview/NAME.png (reference image, depth, the room redrawn); and report.json.
+///
+/// It ends with a verdict, which report.json and the preview have, too: green, amber (doubtful: look at the preview, mend what
+/// is named) or red (the room contradicts itself, or has an impossible size). A red room is kept beside DIR, as DIR.red, and
+/// replaces nothing; the exit status is 1 then.
 ///
 /// Results of each capture are kept (in DIR.unfinished, later in DIR/cache): an interrupted build is resumed, and
 /// another pick or distance costs seconds.
@@ -79,17 +83,23 @@ pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Locks a room for one build at a time, by a file in the folder that it is, or will be, in: the room itself is replaced.
-/// `None` in a folder that cannot be written: the build reports it when it writes the room.
-fn lock(out: &Path) -> anyhow::Result<Option<FolderLock>> {
-    let absolute = std::path::absolute(out).with_context(|| out.display().to_string())?;
-    let above = absolute.ancestors().skip(1).find(|folder| folder.is_dir()).unwrap_or(Path::new("/"));
-    let name = absolute.file_name().unwrap_or_default().to_string_lossy();
-    let file = above.join(format!(".{name}{}", FolderLock::NAME));
-    match FolderLock::take_file(&file, out, "recon build", Duration::ZERO) {
-        Ok(lock) => Ok(Some(lock)),
-        Err(LockError::Io { .. }) => Ok(None),
-        Err(held) => Err(held.into()),
+/// A finished room that is not to be believed.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{}: the verdict is red, so nothing was replaced; the room is kept in {} to look at its preview: mend what is named above and \
+     build again", asked.display(), kept.display()
+)]
+pub(crate) struct RedRoom {
+    asked: PathBuf,
+    kept: PathBuf,
+}
+
+/// Prints a verdict with its reasons, a line each.
+pub(super) fn tell_verdict(verdict: &Verdict, console: &Console) {
+    console.line(&format!("verdict: {}", verdict.light.word()));
+    for reason in &verdict.reasons {
+        let mark = if reason.light == Light::Green { "note" } else { reason.light.word() };
+        console.line(&format!("  {mark}: {}", reason.text));
     }
 }
 
@@ -99,7 +109,7 @@ impl Build {
         let files = [Some(&self.project), self.zones.as_ref(), self.options.as_ref()];
         let captures = Project::inputs(&self.project);
         Outputs::new([self.out.as_path()]).refuse(files.into_iter().flatten().chain(&captures))?;
-        let _lock = lock(&self.out)?;
+        let _lock = pipeline::lock_room(&self.out)?;
         let mut options = match &self.options {
             Some(file) => BuildOptions::read(file)?,
             None => BuildOptions { dense: self.quality.dense(), ..BuildOptions::default() },
@@ -113,7 +123,12 @@ impl Build {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
         });
         drop(stages);
-        self.summarise(&report?, console);
+        let report = report?;
+        self.summarise(&report, console);
+        tell_verdict(&report.verdict, console);
+        if report.verdict.light == Light::Red {
+            return Err(RedRoom { asked: self.out.clone(), kept: report.room }.into());
+        }
         Ok(())
     }
 
@@ -148,7 +163,7 @@ impl Build {
             "{picks}floor to {:.1} cm, {} discs; the room is in {}",
             100.0 * report.floor_rms_m,
             report.discs,
-            self.out.display()
+            report.room.display()
         ));
     }
 }

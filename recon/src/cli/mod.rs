@@ -2,6 +2,7 @@
 
 mod build;
 mod picks;
+mod picks_page;
 
 use std::process::ExitCode;
 
@@ -25,11 +26,21 @@ enum Command {
     Picks(picks::Picks),
 }
 
-/// Runs the command to its end. Returns the exit status: 0, or 2 when it failed; then one line on standard error names
-/// the problem and its place.
+/// Exit status of a build whose verdict is red.
+const RED: u8 = 1;
+
+/// Runs the command to its end. Returns the exit status: 0, or 1 when a build's verdict is red, or 2 when it failed; then one
+/// line on standard error names the problem and its place.
 pub fn run(arguments: &Arguments) -> ExitCode {
     let console = Console::start(arguments.verbose);
-    console.end(arguments.command.run(&console), CANNOT)
+    let done = arguments.command.run(&console);
+    let failure = done.as_ref().err().map_or(CANNOT, failure);
+    console.end(done, failure)
+}
+
+/// Exit status of a command that ended with this error.
+fn failure(error: &anyhow::Error) -> u8 {
+    if error.is::<build::RedRoom>() { RED } else { CANNOT }
 }
 
 impl Command {

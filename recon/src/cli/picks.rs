@@ -13,6 +13,7 @@ use shell::files::Outputs;
 use shell::ranges::THREADS;
 
 use super::build::Quality;
+use super::picks_page::PageOptions;
 
 /// Distance of a pick from its position by both captures from which on it is reported, pixels.
 const DOUBTFUL_PX: f64 = 6.0;
@@ -26,20 +27,24 @@ const DOUBTFUL_PX: f64 = 6.0;
 /// they nor a scale are needed.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
+  recon picks room.toml --page                            # pick, scale, build and check in the browser
+  recon picks room.toml --page --room myroom --quality draft --port 0
   recon picks room.toml --out picks.toml
   recon picks room.toml --out picks.toml --room myroom    # then `recon build room.toml --out myroom` takes seconds")]
 pub(crate) struct Picks {
     /// The capture project; its cameras suffice.
     #[arg(value_name = "ROOM.toml")]
     project: PathBuf,
+    #[command(flatten)]
+    page: PageOptions,
     /// File to write the [[point]] tables to.
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "page", conflicts_with = "page")]
+    out: Option<PathBuf>,
     /// File to draw them in; beside the tables, as PNG, when not given.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "page")]
     picture: Option<PathBuf>,
     /// The room directory that `recon build` makes or made: results of the captures are taken from there, and kept for
-    /// it.
+    /// it. The page builds it; it is `room` beside ROOM.toml there when not given.
     #[arg(long, value_name = "DIR")]
     room: Option<PathBuf>,
     /// Effort spent on stereo, as for `recon build`.
@@ -66,15 +71,23 @@ impl Picks {
                 self.project.display()
             );
         }
-        let picture = self.picture.clone().unwrap_or_else(|| self.out.with_extension("png"));
-        if picture == self.out {
-            bail!("{}: tables and picture need files of their own; give --picture", self.out.display());
+        let options =
+            BuildOptions { seed: self.seed, dense: self.quality.dense(), ..BuildOptions::default() };
+        let Some(out) = &self.out else {
+            let small_pictures = self.quality == Quality::Draft;
+            return self.page.serve(
+                &self.project,
+                self.room.as_deref(),
+                BuildOptions { small_pictures, ..options },
+            );
+        };
+        let picture = self.picture.clone().unwrap_or_else(|| out.with_extension("png"));
+        if picture == *out {
+            bail!("{}: tables and picture need files of their own; give --picture", out.display());
         }
         let of_room = self.room.as_deref().map(scenes::room::files_of).unwrap_or_default();
         let inputs = Project::inputs(&self.project).into_iter().chain(of_room).chain([self.project.clone()]);
-        Outputs::new([self.out.as_path(), picture.as_path()]).refuse(inputs)?;
-        let options =
-            BuildOptions { seed: self.seed, dense: self.quality.dense(), ..BuildOptions::default() };
+        Outputs::new([out.as_path(), picture.as_path()]).refuse(inputs)?;
         let mut stages: Option<ProgressStages> = None;
         let views = pipeline::reference_views(&cameras, self.room.as_deref(), &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
@@ -95,32 +108,32 @@ impl Picks {
                 self.project.display()
             );
         }
-        self.write(&picture, &views, &proposed)?;
+        write([out, &picture], &views, &proposed)?;
         console.line(&format!(
             "{} points to confirm are in {}, drawn in {}",
             proposed.len(),
-            self.out.display(),
+            out.display(),
             picture.display()
         ));
         Ok(())
     }
+}
 
-    fn write(
-        &self,
-        picture: &Path,
-        views: &[ReferenceView],
-        proposed: &[(PickedPoint, f64)],
-    ) -> anyhow::Result<()> {
-        let images: Vec<_> = views.iter().map(|v| (v.name.as_str(), &v.picture)).collect();
-        let points: Vec<PickedPoint> = proposed.iter().map(|(point, _)| point.clone()).collect();
-        let mut png = std::io::Cursor::new(Vec::new());
-        proposals::draw(&images, &points)
-            .write_to(&mut png, image::ImageFormat::Png)
-            .with_context(|| picture.display().to_string())?;
-        let names: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
-        let tables = proposals::to_toml(proposed, &names);
-        Ok(write_together(&[(picture, png.get_ref()), (&self.out, tables.as_bytes())])?)
-    }
+/// Writes the tables, and the picture in which they are drawn.
+fn write(
+    [tables, picture]: [&Path; 2],
+    views: &[ReferenceView],
+    proposed: &[(PickedPoint, f64)],
+) -> anyhow::Result<()> {
+    let images: Vec<_> = views.iter().map(|v| (v.name.as_str(), &v.picture)).collect();
+    let points: Vec<PickedPoint> = proposed.iter().map(|(point, _)| point.clone()).collect();
+    let mut png = std::io::Cursor::new(Vec::new());
+    proposals::draw(&images, &points)
+        .write_to(&mut png, image::ImageFormat::Png)
+        .with_context(|| picture.display().to_string())?;
+    let names: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
+    let text = proposals::to_toml(proposed, &names);
+    Ok(write_together(&[(picture, png.get_ref()), (tables, text.as_bytes())])?)
 }
 
 /// Adds a pair's proposals, and returns a line about the pair.

@@ -31,6 +31,8 @@ struct Failure {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FailureReason {
     Disagree,
+    /// They agree when one of the two spaces is mirrored.
+    Mirrored,
     OnALine,
 }
 
@@ -111,6 +113,14 @@ fn not_joined_error(project: &Project, picks: &[LiftedPick], failures: &[Failure
         );
         return Error::content(&project.path, "[[point]]", problem);
     }
+    if *why == FailureReason::Mirrored {
+        let problem = format!(
+            "the points shared by `{}` and `{}` agree only when one of the two pictures is mirrored; film without mirroring",
+            name(*a),
+            name(*b)
+        );
+        return Error::content(&project.path, "[[point]]", problem);
+    }
     let problem = format!(
         "no {LEAST_SHARED_POINTS} of the {usable} points shared by `{}` and `{}` agree with one another; check that \
          each is the same physical point in both images",
@@ -136,7 +146,11 @@ fn shared(picks: &[LiftedPick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<
 fn pair(
     shared: &[(Point3<f64>, Point3<f64>)],
 ) -> std::result::Result<(Similarity3<f64>, usize, f64), FailureReason> {
-    let (similarity, inside) = most_agreed(shared).ok_or(FailureReason::Disagree)?;
+    let agreed = most_agreed(shared);
+    if is_mirrored(shared, agreed.as_ref().map_or(0, |(_, inside)| inside.len())) {
+        return Err(FailureReason::Mirrored);
+    }
+    let (similarity, inside) = agreed.ok_or(FailureReason::Disagree)?;
     // Fitted to all of them: where depths are bent, few agree yet.
     let (in_a, in_b): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
     if !is_wide(&in_a) && !is_wide(&in_b) {
@@ -146,6 +160,17 @@ fn pair(
     spread.sort_by(f64::total_cmp);
     let median = spread.get(spread.len() / 2).copied().ok_or(FailureReason::Disagree)?;
     Ok((similarity, inside.len(), median))
+}
+
+/// Tells whether clearly more picks agree once one of the two spaces is mirrored. Three always do as well as before: a
+/// triangle is its mirror image, turned over.
+fn is_mirrored(shared: &[(Point3<f64>, Point3<f64>)], agreeing: usize) -> bool {
+    /// Number of picks beyond those that agree without.
+    const CLEARLY: usize = 2;
+    let mirrored: Vec<(Point3<f64>, Point3<f64>)> =
+        shared.iter().map(|(a, b)| (*a, Point3::new(-b.x, b.y, b.z))).collect();
+    let least = (agreeing + CLEARLY).max(LEAST_SHARED_POINTS + 1);
+    shared.len() >= least && most_agreed(&mirrored).is_some_and(|(_, inside)| inside.len() >= least)
 }
 
 /// Similarity with the picks that agree with it; `None` if not even three do.
@@ -226,6 +251,22 @@ mod tests {
         let (found, inside) = most_agreed(&shared).unwrap();
         assert!((found.to_homogeneous() - a_from_b.to_homogeneous()).norm() < 1e-9, "{found}");
         assert_eq!(inside, (1..90).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_mirrored_picture_is_told_from_wrong_picks() {
+        let a_from_b = Similarity3::new(Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.2, -0.9, 0.4), 1.7);
+        let place = |i: u32| {
+            let turn = 2.4 * f64::from(i);
+            Point3::new(turn.cos(), (1.7 * turn).sin(), 3.0 + (0.8 * turn).sin())
+        };
+        let right: Vec<(Point3<f64>, Point3<f64>)> =
+            (0..7).map(|i| (a_from_b * place(i), place(i))).collect();
+        let mirrored: Vec<_> = right.iter().map(|(a, b)| (*a, Point3::new(-b.x, b.y, b.z))).collect();
+        let wrong: Vec<_> = right.iter().zip((0..7).rev()).map(|((a, _), i)| (*a, place(i))).collect();
+        assert!(pair(&right).is_ok());
+        assert_eq!(pair(&mirrored).err(), Some(FailureReason::Mirrored));
+        assert_ne!(pair(&wrong).err(), Some(FailureReason::Mirrored));
     }
 
     #[test]

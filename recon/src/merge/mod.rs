@@ -66,6 +66,9 @@ pub struct MergeReport {
     pub pick_rms_px: f64,
     /// Outliers among the picks: number of the point (from 1), index of the camera, distance in pixels.
     pub outliers: Vec<(usize, usize, f64)>,
+    /// Distance of each pick that fits from the projection of its point: number of the point (from 1), index of the
+    /// camera, pixels.
+    pub misfits_px: Vec<(usize, usize, f64)>,
     /// Number of matches between pictures that joined the cameras beside the picks.
     pub matches: usize,
     /// Estimated relative standard deviation of the depths at each camera's picks.
@@ -74,6 +77,13 @@ pub struct MergeReport {
     pub surface_pairs: usize,
     /// Root mean square distance of these pairs, in units of the first camera's reconstruction.
     pub surface_rms: f64,
+}
+
+impl MergeReport {
+    /// Whether a point, by its number from 1, was left out.
+    pub fn is_left_out(&self, number: usize) -> bool {
+        self.outliers.iter().any(|(point, ..)| *point == number)
+    }
 }
 
 /// Cameras and points in the first camera's frame and scale.
@@ -120,7 +130,7 @@ pub fn merge(
     let matches = matches(surfaces, &merged, project.points.len(), options)?;
     if !matches.is_empty() {
         let count = matches.len() / 2;
-        let left_out = |pick: &LiftedPick| report.outliers.iter().any(|(point, ..)| *point == pick.point + 1);
+        let left_out = |pick: &LiftedPick| report.is_left_out(pick.point + 1);
         let all: Vec<LiftedPick> = picks.into_iter().filter(|p| !left_out(p)).chain(matches).collect();
         let (joined, told) = refine::refine(&all, &merged.common_from_camera, surfaces, plumb, options);
         // Picks take precedence over matches.

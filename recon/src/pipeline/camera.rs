@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Point2, Point3};
 use scenes::geometry::{Disc, vector_from_vec3};
 use serde::{Deserialize, Serialize};
 
+use super::report::CameraSeconds;
 use super::{BuildOptions, CameraReport};
 use crate::capture::Capture;
 use crate::dense::{self, DenseOptions, PosedCapture};
@@ -30,6 +31,7 @@ pub(super) struct CameraMotion {
     pub(super) points: Vec<Point3<f64>>,
     /// Report so far.
     pub(super) report: CameraReport,
+    pub(super) seconds: CameraSeconds,
 }
 
 /// A camera whose capture is fully processed.
@@ -45,6 +47,7 @@ pub(super) struct ProcessedCapture {
     /// Smallest and largest depth of the view.
     pub(super) range: (f64, f64),
     pub(super) report: CameraReport,
+    pub(super) seconds: CameraSeconds,
 }
 
 /// A camera's reference image and the results of its capture.
@@ -72,12 +75,13 @@ pub(super) fn estimate_motion(
             told.readout
         );
     }
-    let report = CameraReport::of_motion(capture, &motion.intrinsics, &told, start.elapsed());
+    let report = CameraReport::of_motion(capture, &motion.intrinsics, &told);
     Ok(CameraMotion {
         lens: motion.intrinsics,
         camera_from_world: motion.camera_from_world,
         points: motion.points.iter().map(|p| p.position).collect(),
         report,
+        seconds: CameraSeconds { motion: start.elapsed().as_secs_f64(), dense: 0.0 },
     })
 }
 
@@ -92,7 +96,7 @@ pub(super) fn reconstruct(
     let name = &capture.name;
     step(format!("{name}: depth"));
     let start = Instant::now();
-    let CameraMotion { lens, camera_from_world, points, report } = motion;
+    let CameraMotion { lens, camera_from_world, points, report, seconds } = motion;
     let posed = PosedCapture {
         name,
         frames: &capture.frames,
@@ -113,9 +117,10 @@ pub(super) fn reconstruct(
     };
     let Completed { surface, report: plane_report, .. } = completed;
     tracing::info!("{name}: {plane_report:?}, {} discs seen by key frames alone", key_frame_discs.len());
-    let report = report.with_depth(capture.sampled, &dense_report, &surface, start.elapsed());
+    let report = report.with_depth(capture.sampled, &dense_report, &surface);
     let range = depth_range(&points);
-    Ok(ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report })
+    let seconds = CameraSeconds { dense: start.elapsed().as_secs_f64(), ..seconds };
+    Ok(ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report, seconds })
 }
 
 impl CameraMotion {

@@ -6,9 +6,11 @@
 
 mod cache;
 mod camera;
+mod lock;
 mod options;
 mod output;
 mod preview;
+mod proposed;
 mod reference_view;
 mod report;
 mod workplace;
@@ -31,12 +33,14 @@ use crate::plumb;
 use crate::project::{Project, ProjectCamera};
 use crate::scale;
 use crate::surface::Surface;
+use crate::verdict::Light;
 use crate::{Error, Result};
 use cache::{Keys, StageCache};
 use camera::{CameraResult, ProcessedCapture};
+pub use lock::lock_room;
 pub use options::BuildOptions;
 pub use reference_view::{ReferenceView, reference_views};
-pub use report::{BuildReport, CameraReport, StartErrors};
+pub use report::{BuildReport, CameraReport, CameraSeconds, Seconds, StartErrors};
 
 /// Progress of a build, for a progress bar.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -53,11 +57,11 @@ pub struct BuildStep {
 const STEPS_A_CAMERA: usize = 3;
 const STEPS_A_ROOM: usize = 2;
 
-/// Builds the room of `project_file` into the directory `out`.
+/// Builds the room of `project_file` into the directory `out`. Where the project has no points, it proposes them to itself.
 ///
 /// # Errors
 /// The first problem, with its place. `out` is then as it was before; finished cameras are cached beside it for the
-/// next time.
+/// next time. A room whose verdict is red is no error: it is written beside `out`, which stays as it was, too.
 pub fn build(
     project_file: &Path,
     out: &Path,
@@ -65,7 +69,7 @@ pub fn build(
     progress: &mut (dyn FnMut(&BuildStep) + Send),
 ) -> Result<BuildReport> {
     options.check()?;
-    let mut project = Project::read(project_file)?;
+    let mut project = Project::read_to_build(project_file)?;
     let markings = options.zones.as_deref().map(scenes::room::read_markings).transpose()?;
     let before = output::check_target(out)?;
     let of = project.cameras.len() * STEPS_A_CAMERA + STEPS_A_ROOM;
@@ -93,9 +97,12 @@ pub fn build(
     };
     let done = process_all(&files, Some(&cache), options, &mut step, &picks)?;
     let (mut cameras, mut square) = (Vec::with_capacity(done.len()), None);
+    let mut figures = Vec::with_capacity(done.len());
     for (index, (camera, keys, (reference, depths, lines, board))) in done.into_iter().enumerate() {
         tracing::debug!("{}: depths at picks {depths:?}", camera.name);
         report.cameras.push(camera.processed.report.clone());
+        report.seconds.cameras.push(camera.processed.seconds);
+        figures.push(camera.processed.report.figures(&camera.processed.lens));
         project.move_pixels(index, &camera.processed.at_once(reference));
         measured.push(depths);
         if let Some(board) = board {
@@ -112,6 +119,10 @@ pub fn build(
     let key_frame_discs: Vec<&[Disc]> =
         cameras.iter().map(|(c, _)| c.processed.key_frame_discs.as_slice()).collect();
     let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.processed.lens.clone()).collect();
+    let is_unpicked = project.points.is_empty() && surfaces.len() > 1;
+    if is_unpicked {
+        report.proposed_points = proposed::take(&mut project, &surfaces, &lenses, options.seed)?;
+    }
     let captures = Captures {
         surfaces: &surfaces,
         key_frame_discs: &key_frame_discs,
@@ -121,22 +132,27 @@ pub fn build(
         square,
     };
     let (mut room, assembled) = assemble::assemble(&project, &captures, &options.assemble)?;
-    report.assembled(&project, &assembled, start.elapsed());
+    report.assembled(&project, &figures, &assembled, start.elapsed());
     take_over_markings(&mut room, before, markings);
 
     step("writing the room and its previews".into());
     let start = Instant::now();
     let references: Vec<(&str, &RgbImage)> =
         cameras.iter().map(|(c, _)| (c.name.as_str(), &c.reference)).collect();
-    output::write(out, &mut room, &references, &mut |dir, room| {
-        preview::write(dir, room, &references, options.small_pictures)?;
-        for (camera, keys) in &cameras {
+    // The old room stays where the new one is not to be believed, and so do the results kept for the next build.
+    let is_red = report.verdict.light == Light::Red;
+    report.room = if is_red { output::aside(out) } else { out.to_owned() };
+    output::write(&report.room.clone(), &mut room, &references, &mut |dir, room| {
+        preview::write(dir, room, &references, options.small_pictures, &report.verdict)?;
+        for (camera, keys) in cameras.iter().filter(|_| !is_red) {
             cache.hand_over(dir, &camera.name, keys);
         }
         report.seconds.writing = start.elapsed().as_secs_f64();
         report.write(dir)
     })?;
-    cache.done(cameras.iter().map(|(c, _)| c.name.as_str()));
+    if !is_red {
+        cache.done(cameras.iter().map(|(c, _)| c.name.as_str()));
+    }
     step("done".into());
     Ok(report)
 }
@@ -144,7 +160,7 @@ pub fn build(
 /// Captures of a project's cameras, all checked before the first is processed.
 fn files_of(cameras: &[ProjectCamera]) -> Result<Vec<CaptureFile>> {
     let open = |camera: &ProjectCamera| {
-        CaptureFile::open(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
+        CaptureFile::open(&camera.name, &camera.capture, camera.reference.clone(), camera.intrinsics.clone())
     };
     let opened: Vec<Result<CaptureFile>> = cameras.par_iter().map(open).collect();
     // The first error in file order is reported, not the first one found.

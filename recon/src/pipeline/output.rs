@@ -56,6 +56,18 @@ pub(super) fn check_target(out: &Path) -> Result<Option<Room>> {
     })
 }
 
+/// Directory of a room that is not to be believed: a sibling of the target, which stays as it is. One that an earlier build
+/// made is replaced.
+pub(super) fn aside(out: &Path) -> PathBuf {
+    let named = |number: usize| {
+        let mut name = out.file_name().unwrap_or_default().to_owned();
+        name.push(if number == 1 { ".red".to_owned() } else { format!(".red{number}") });
+        out.with_file_name(name)
+    };
+    let is_ours = |dir: &PathBuf| !dir.exists() || check_target(dir).is_ok();
+    (1..).map(named).find(is_ours).unwrap_or_else(|| named(1))
+}
+
 /// Checks that a directory can be made beside the target.
 fn check_creatable(out: &Path) -> Result<()> {
     let absolute = std::path::absolute(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
@@ -214,6 +226,23 @@ mod tests {
         let gone = exchange(&folder.path().join("nothing"), &out, &folder.path().join("elsewhere"));
         assert!(gone.is_err());
         assert_eq!(fs::read(out.join("mark")).unwrap(), b"fresh");
+    }
+
+    #[test]
+    fn a_room_that_is_not_believed_gets_a_name_beside_the_target_and_replaces_nothing_but_its_like() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("room");
+        let image = RgbImage::new(32, 24);
+        let write_aside = || {
+            let dir = aside(&out);
+            write(&dir, &mut room(), &[("a", &image)], &mut |_, _| Ok(())).unwrap();
+            dir.file_name().unwrap().to_owned()
+        };
+        assert_eq!(write_aside(), "room.red");
+        assert_eq!(write_aside(), "room.red");
+        fs::remove_file(folder.path().join("room.red/scene.toml")).unwrap();
+        assert_eq!(write_aside(), "room.red2");
+        assert!(folder.path().join("room.red/reference/a.jpg").is_file() && !out.exists());
     }
 
     #[test]

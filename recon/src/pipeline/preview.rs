@@ -1,5 +1,7 @@
 //! Pictures that show at a glance whether a build worked: the floor plan, and for each camera its reference image, its
-//! depth in the finished room and the room rendered from its pose, side by side.
+//! depth in the finished room and the room rendered from its pose, side by side, above the build's verdict.
+
+mod verdict_band;
 
 use std::path::Path;
 
@@ -14,6 +16,8 @@ use scenes::view::{View, ViewOptions};
 use shell::canvas::{Canvas, Color};
 
 use crate::Result;
+use crate::verdict::Verdict;
+use verdict_band::VerdictBand;
 
 /// Space between the pictures, pixels.
 const GAP: u32 = 6;
@@ -22,8 +26,15 @@ const GAP: u32 = 6;
 const PLAN: &str = "plan.png";
 
 /// Writes `plan.png` and `preview/NAME.png` for each camera, in parallel; at half their size if `small`.
-pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small: bool) -> Result<()> {
-    let (plan, views) = rayon::join(|| write_plan(dir, small), || write_views(dir, room, references, small));
+pub(super) fn write(
+    dir: &Path,
+    room: &Room,
+    references: &[(&str, &RgbImage)],
+    small: bool,
+    verdict: &Verdict,
+) -> Result<()> {
+    let views = || write_views(dir, room, references, small, verdict);
+    let (plan, views) = rayon::join(|| write_plan(dir, small), views);
     plan.and(views)
 }
 
@@ -37,7 +48,13 @@ fn write_plan(dir: &Path, small: bool) -> Result<()> {
     Ok(calib::picture::write(&dir.join(PLAN), &FloorPlan::new(&Room::read(dir)?, &options)?.into_image())?)
 }
 
-fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small: bool) -> Result<()> {
+fn write_views(
+    dir: &Path,
+    room: &Room,
+    references: &[(&str, &RgbImage)],
+    small: bool,
+    verdict: &Verdict,
+) -> Result<()> {
     let Some(geometry) = &room.geometry else { return Ok(()) };
     let scene = RayScene::new(geometry)?;
     for (camera, (name, reference)) in room.cameras.iter().zip(references) {
@@ -53,10 +70,12 @@ fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small:
         let options = ViewOptions { samples: 1, shading: 0.0, brighten: false, ..ViewOptions::default() };
         let drawn = View::new(geometry, &scene, &pinhole, &options).image();
         let (width, height) = processed.dimensions();
-        let mut canvas = Canvas::new(3 * width + 2 * GAP, height, Color::PAPER);
+        let band = VerdictBand::new(verdict, 3 * width + 2 * GAP);
+        let mut canvas = Canvas::new(3 * width + 2 * GAP, height + band.height(), Color::PAPER);
         for (i, picture) in [&processed, &depth, &drawn].into_iter().enumerate() {
             canvas.blit(picture, i64::from((width + GAP) * i as u32), 0);
         }
+        band.draw(&mut canvas, height);
         calib::picture::write(&dir.join("preview").join(format!("{name}.png")), &canvas.into_image())?;
     }
     Ok(())

@@ -29,6 +29,13 @@ pub struct ReferenceView {
 }
 
 impl ReferenceView {
+    /// View of a surface without distortion, with its picture.
+    #[cfg(test)]
+    pub(crate) fn of_surface(name: &str, surface: Surface) -> Self {
+        let (picture, lens) = (surface.picture.clone(), surface.intrinsics.clone());
+        Self { name: name.into(), picture, surface, lens, shutter: None }
+    }
+
     /// Filmed position of a pixel of the surface's pinhole picture; `None` outside the image.
     pub fn filmed(&self, pinhole: &Point2<f64>) -> Option<Point2<f64>> {
         let ray = self.surface.intrinsics.unproject(pinhole)?;

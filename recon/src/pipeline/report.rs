@@ -1,6 +1,6 @@
 //! `report.json`: counts, residuals and times of a build.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use calib::Intrinsics;
@@ -13,11 +13,17 @@ use crate::dense::DenseReport;
 use crate::motion::{LensOrigin, MotionReport, Starts};
 use crate::project::Project;
 use crate::surface::{DepthOrigin, Surface};
+use crate::verdict::{self, CaptureFigures, RoomEvidence, Verdict};
 use crate::{Error, Result};
 
 /// Report of a build.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct BuildReport {
+    /// Directory of the room: the one asked for, or one beside it where the verdict is red.
+    #[serde(skip)]
+    pub room: PathBuf,
+    /// Whether the room is to be believed, and why.
+    pub verdict: Verdict,
     /// Options that the room was built with; infinite numbers are written as `null`.
     pub options: BuildOptions,
     /// Report of each camera, in the project's order.
@@ -26,6 +32,8 @@ pub struct BuildReport {
     pub pick_rms_px: f64,
     /// Outliers among the picks, a sentence each.
     pub picks_left_out: Vec<String>,
+    /// Number of points that the program proposed to itself, since the project has none.
+    pub proposed_points: usize,
     /// Number of matches between pictures that joined the cameras beside the picks.
     pub matches: usize,
     /// Estimated relative standard deviation of the depths at each camera's picks; empty for one camera.
@@ -54,17 +62,30 @@ pub struct BuildReport {
     pub duplicate_pixels: usize,
     /// Number of pixels dropped since another camera looks through them.
     pub seen_through_pixels: usize,
-    /// Times of the whole room; each camera has its own.
-    pub seconds: RoomSeconds,
+    /// Evidence that the verdict weighed.
+    pub evidence: RoomEvidence,
+    /// Wall times; all else is the same in repeated builds.
+    pub seconds: Seconds,
 }
 
-/// Wall time of the stages that concern the whole room.
+/// Wall times of a build's stages, seconds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct RoomSeconds {
+pub struct Seconds {
+    /// Times of each capture's stages, in the project's order; those of an earlier build where they were kept.
+    pub cameras: Vec<CameraSeconds>,
     /// Time of merging, floor, metres, fusion.
     pub assembling: f64,
     /// Time of files and previews.
     pub writing: f64,
+}
+
+/// Wall times of one capture's stages, seconds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct CameraSeconds {
+    /// Time of the motion's estimation.
+    pub motion: f64,
+    /// Time of stereo, planes and key frames.
+    pub dense: f64,
 }
 
 /// Report of one capture.
@@ -86,6 +107,8 @@ pub struct CameraReport {
     pub points: usize,
     /// Their root mean square reprojection error, pixels.
     pub reprojection_rms_px: f64,
+    /// Median of the widest angle between the rays to a point, degrees.
+    pub parallax_deg: f64,
     /// Share of the observations that belong to a static scene.
     pub explained_share: f64,
     /// Time from a frame's first row to its last, as a share of the time between frames; 0 for a global shutter.
@@ -104,10 +127,6 @@ pub struct CameraReport {
     pub measured_share: f64,
     /// Share of the pixels that was filled in.
     pub filled_share: f64,
-    /// Wall time of the motion's estimation, seconds.
-    pub motion_seconds: f64,
-    /// Wall time of stereo, planes and key frames, seconds.
-    pub dense_seconds: f64,
 }
 
 /// Error of each start of a motion, pixels; `None` where the start failed.
@@ -120,13 +139,19 @@ pub struct StartErrors {
 }
 
 impl CameraReport {
+    /// Figures that a verdict weighs.
+    pub(super) fn figures(&self, lens: &Intrinsics) -> CaptureFigures {
+        CaptureFigures {
+            name: self.name.clone(),
+            width: lens.width,
+            parallax_deg: self.parallax_deg,
+            focal_sigma: self.focal_sigma_px.map(|sigma| sigma / lens.fx),
+            doubts: self.doubts.clone(),
+        }
+    }
+
     /// Report of a capture after motion estimation.
-    pub(super) fn of_motion(
-        capture: &Capture,
-        lens: &Intrinsics,
-        motion: &MotionReport,
-        took: Duration,
-    ) -> Self {
+    pub(super) fn of_motion(capture: &Capture, lens: &Intrinsics, motion: &MotionReport) -> Self {
         let Starts { factorization_px, two_views_px } = motion.starts;
         let finite = |px: f64| px.is_finite().then_some(px);
         Self {
@@ -141,6 +166,7 @@ impl CameraReport {
             registered: motion.registered,
             points: motion.points,
             reprojection_rms_px: motion.rms_px,
+            parallax_deg: motion.parallax_deg,
             explained_share: motion.explained_share,
             readout: motion.readout,
             focal_start: focal_start(capture),
@@ -148,19 +174,12 @@ impl CameraReport {
                 .then_some(lens.fx),
             focal_sigma_px: motion.focal_sigma.map(|sigma| sigma * lens.fx),
             doubts: motion.doubts.clone(),
-            motion_seconds: took.as_secs_f64(),
             ..Self::default()
         }
     }
 
     /// Adds the results of stereo to the report.
-    pub(super) fn with_depth(
-        self,
-        sampled: Sampled,
-        dense: &DenseReport,
-        surface: &Surface,
-        took: Duration,
-    ) -> Self {
+    pub(super) fn with_depth(self, sampled: Sampled, dense: &DenseReport, surface: &Surface) -> Self {
         let share = |origin: DepthOrigin| {
             let count = surface.origin.iter().filter(|o| **o == origin).count();
             count as f64 / surface.origin.len().max(1) as f64
@@ -169,7 +188,6 @@ impl CameraReport {
             key_frames: dense.key_frames.iter().map(|f| sampled.number(*f)).collect(),
             measured_share: share(DepthOrigin::Stereo),
             filled_share: share(DepthOrigin::Filled),
-            dense_seconds: took.as_secs_f64(),
             ..self
         }
     }
@@ -183,7 +201,13 @@ fn focal_start(capture: &Capture) -> Option<String> {
 }
 
 impl BuildReport {
-    pub(super) fn assembled(&mut self, project: &Project, done: &AssembleReport, took: Duration) {
+    pub(super) fn assembled(
+        &mut self,
+        project: &Project,
+        figures: &[CaptureFigures],
+        done: &AssembleReport,
+        took: Duration,
+    ) {
         self.pick_rms_px = done.merge.pick_rms_px;
         self.picks_left_out = done
             .merge
@@ -208,6 +232,14 @@ impl BuildReport {
         self.key_frame_discs = done.fusion.key_frame_discs;
         self.duplicate_pixels = done.fusion.duplicates;
         self.seen_through_pixels = done.fusion.seen_through;
+        self.evidence.clone_from(&done.evidence);
+        self.verdict = verdict::judge(&self.evidence, figures);
+        if self.proposed_points > 0 {
+            self.verdict.note(format!(
+                "no points are picked: {} that the program proposed join the cameras; `recon picks --page` shows them",
+                self.proposed_points
+            ));
+        }
         self.seconds.assembling = took.as_secs_f64();
     }
 

@@ -90,6 +90,48 @@ pub fn agreed(normals: &[Vector3<f64>], near: &Vector3<f64>) -> Option<Plumb> {
     Some(Plumb { up, covariance: across * covariance * across.transpose() })
 }
 
+/// Comparison of a supposed vertical with the lines of a capture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LineVote {
+    /// Angle between the supposed vertical and that with which most lines are plumb, degrees.
+    pub lean_deg: f64,
+    /// Number of lines for the latter, as a multiple of those for the former.
+    pub outvoted: f64,
+}
+
+/// Compares a supposed vertical with that of most lines, among the directions that point up in an upright picture: a
+/// camera that looks down by up to 70° or up by up to 20°, turned about its axis by up to 30°. `None` where no direction
+/// stands out.
+///
+/// `normals`: of the edges' interpretation planes, in the frame of the reference camera.
+pub fn against(normals: &[Vector3<f64>], supposed: &Vector3<f64>) -> Option<LineVote> {
+    const PITCHES_DEG: [f64; 7] = [-20.0, -5.0, 10.0, 25.0, 40.0, 55.0, 70.0];
+    const ROLLS_DEG: [f64; 3] = [-20.0, 0.0, 20.0];
+    const TURNED_AT_MOST: f64 = 0.5;
+    let start = |pitch: f64, roll: f64| {
+        let ((s, c), (sin, cos)) = (roll.to_radians().sin_cos(), pitch.to_radians().sin_cos());
+        Vector3::new(s * cos, -c * cos, -sin)
+    };
+    let is_upright = |up: &Vector3<f64>| up.x.abs() < TURNED_AT_MOST && up.y < 0.0;
+    let starts = PITCHES_DEG.iter().flat_map(|pitch| ROLLS_DEG.iter().map(move |roll| start(*pitch, *roll)));
+    let found = starts.filter_map(|near| agreed(normals, &near)).map(|plumb| plumb.up).filter(is_upright);
+    let voted = |up: Vector3<f64>| (number(normals, &up), up);
+    let (most, up) = found.map(voted).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    // Lines near the supposed vertical are its own.
+    let own = agreed(normals, supposed).map_or(*supposed, |plumb| plumb.up);
+    let own = if own.angle(supposed) < 3.0 * SIGMAS_DEG[0].to_radians() { own } else { *supposed };
+    Some(LineVote {
+        lean_deg: up.angle(supposed).to_degrees(),
+        outvoted: most / number(normals, &own).max(1.0),
+    })
+}
+
+/// Number of edges that are plumb with a vertical, softly counted.
+fn number(normals: &[Vector3<f64>], up: &Vector3<f64>) -> f64 {
+    let sigma = SIGMAS_DEG[SIGMAS_DEG.len() - 1].to_radians();
+    normals.iter().map(|normal| (-0.5 * (normal.dot(up) / sigma).powi(2)).exp()).sum()
+}
+
 /// Two unit vectors across a unit vector.
 pub(crate) fn tangents(up: &Vector3<f64>) -> Option<Matrix3x2<f64>> {
     let first = up.cross(&Vector3::ith(up.iamin(), 1.0)).try_normalize(0.0)?;
@@ -188,6 +230,21 @@ mod tests {
             normals.extend([any; 3]);
         }
         normals
+    }
+
+    /// A camera that looks down by 30°, among upright lines: the floor's normal is the vertical, a façade's is not.
+    #[test]
+    fn lines_tell_the_floor_from_a_wall() {
+        let up = Vector3::new(0.0, -30f64.to_radians().cos(), -30f64.to_radians().sin());
+        let camera_from_world = Rotation3::rotation_between(&Vector3::z(), &up).unwrap();
+        let normals: Vec<Vector3<f64>> =
+            normals(3, 14, 200, [0.0, 0.0], 0.3).iter().map(|n| camera_from_world * n).collect();
+        let floor = against(&normals, &up).unwrap();
+        assert!(floor.lean_deg < 1.0 && floor.outvoted < 1.2, "{floor:?}");
+        let wall = Vector3::new(0.0, 30f64.to_radians().sin(), -30f64.to_radians().cos());
+        let wall = against(&normals, &wall).unwrap();
+        assert!((wall.lean_deg - 90.0).abs() < 1.5 && wall.outvoted > 2.0, "{wall:?}");
+        assert!(against(&[], &up).is_none());
     }
 
     fn tilt_deg(found: &Plumb) -> [f64; 2] {

@@ -3,6 +3,7 @@
 //! Every error that can be found before hours of film are read is reported here, with its place.
 
 mod connected;
+mod edit;
 mod pixels;
 mod tables;
 #[cfg(test)]
@@ -19,6 +20,8 @@ use crate::Result;
 use crate::capture::ReferenceFrame;
 use tables::ProjectFile;
 
+pub use edit::{Picked, PickedTable, ProjectVersion, read_picked, save_picked};
+pub use tables::ScaleTable;
 pub(crate) use width::is_wide;
 
 /// Number of points that a pair of cameras must share for Horn's closed form.
@@ -103,6 +106,17 @@ impl Project {
     /// [`crate::Error::Content`] naming the table and key at fault, or [`crate::Error::Calib`] for a file that cannot be read or
     /// parsed.
     pub fn read(path: &Path) -> Result<Self> {
+        let project = Self::read_to_build(path)?;
+        project.check_connected()?;
+        Ok(project)
+    }
+
+    /// Reads and checks a project file as [`Self::read`] does; but one without any points is taken, too: where the captures
+    /// show enough of the same, a build proposes them to itself.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_to_build(path: &Path) -> Result<Self> {
         let file: ProjectFile = calib::files::read_toml(path)?;
         let cameras = file.cameras(path)?;
         let points = file.points(path, &cameras)?;
@@ -113,8 +127,16 @@ impl Project {
         if let Some(sizes) = known.into_iter().collect::<Option<Vec<_>>>() {
             project.check_pixels(&sizes)?;
         }
-        project.check_connected()?;
+        if !project.points.is_empty() {
+            project.check_connected()?;
+        }
         Ok(project)
+    }
+
+    /// Takes points over that the program proposes; tells whether they join all cameras.
+    pub(crate) fn take_proposed(&mut self, points: Vec<PickedPoint>) -> bool {
+        self.points = points;
+        self.check_connected().is_ok()
     }
 
     /// Reads a project without picks: its cameras, and the points that exist.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use shell::ranges::DISTANCE_M;
 
 use super::{PickedPoint, ProjectCamera, Scale};
@@ -17,8 +17,8 @@ pub(super) struct ProjectFile {
     #[serde(default)]
     camera: Vec<ProjectCameraTable>,
     #[serde(default)]
-    point: Vec<BTreeMap<String, [f64; 2]>>,
-    scale: Option<ScaleTable>,
+    pub(super) point: Vec<BTreeMap<String, [f64; 2]>>,
+    pub(super) scale: Option<ScaleTable>,
 }
 
 #[derive(Deserialize)]
@@ -44,16 +44,30 @@ impl Default for ReferenceValue {
     }
 }
 
-#[derive(Deserialize)]
+/// The `[scale]` table: a length between two pixels, a camera's height, or a calibration board.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ScaleTable {
-    camera: String,
-    from: Option<[f64; 2]>,
-    to: Option<[f64; 2]>,
-    metres: Option<f64>,
-    height: Option<f64>,
-    board: Option<String>,
-    square: Option<f64>,
+pub struct ScaleTable {
+    /// Name of the camera.
+    pub camera: String,
+    /// Pixel of one end of a known length …
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<[f64; 2]>,
+    /// … and of the other end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to: Option<[f64; 2]>,
+    /// The length, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metres: Option<f64>,
+    /// Height of the camera above the floor, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height: Option<f64>,
+    /// Inner corners of a calibration board, such as `9x6`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub board: Option<String>,
+    /// Side of its squares, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub square: Option<f64>,
 }
 
 impl ProjectFile {
@@ -123,7 +137,9 @@ fn camera(path: &Path, number: usize, table: &ProjectCameraTable) -> Result<Proj
         ReferenceValue::Number(number) => number.to_string(),
     };
     let reference: ReferenceFrame = text.parse().map_err(|_| {
-        let problem = format!("`{text}` is none of \"first\", \"last\" or a frame counted from 1");
+        let problem = format!(
+            "`{text}` is none of \"first\", \"last\", a frame counted from 1 or the file name of an image"
+        );
         Error::content(path, place("reference"), problem)
     })?;
     let lens = table.intrinsics.as_ref().map(|file| calib::files::read_intrinsics(&folder.join(file)));

@@ -28,13 +28,15 @@ pub(super) struct ComparedView<'a> {
 
 /// Evidence for a similarity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct SimilarityEvidence {
+pub(crate) struct SimilarityEvidence {
+    /// Number of pixels of either camera with a surface within the other's view.
+    pub(crate) overlapping: usize,
     /// Share of one camera's surface within the other's view that obstructs that view.
-    pub(super) in_the_way: f64,
+    pub(crate) in_the_way: f64,
     /// Number of places that both see and that have texture.
-    pub(super) compared: usize,
+    pub(crate) compared: usize,
     /// Median correlation of their pictures.
-    pub(super) correlation: f64,
+    pub(crate) correlation: f64,
 }
 
 /// Relation of one camera's surface point to the other's view.
@@ -53,6 +55,7 @@ pub(super) fn of(seen: [&ComparedView<'_>; 2], first_from_second: &Similarity3<f
         told.iter().filter_map(|t| if let Relation::Correlation(c) = t { *c } else { None }).collect();
     correlations.sort_by(f64::total_cmp);
     SimilarityEvidence {
+        overlapping: told.len(),
         in_the_way: in_the_way as f64 / told.len().max(1) as f64,
         compared: correlations.len(),
         correlation: correlations.get(correlations.len() / 2).copied().unwrap_or(0.0),

@@ -26,7 +26,7 @@ use crate::Result;
 use crate::features::Intensity;
 use crate::surface::Surface;
 use alignment::CandidateAlignment;
-use evidence::ComparedView;
+use evidence::{ComparedView, SimilarityEvidence};
 use guided::GuidedMatch;
 use landmarks::{Candidate, Landmarks};
 pub use picture::draw;
@@ -136,6 +136,15 @@ pub fn propose(surfaces: &[&Surface], options: &ProposalOptions) -> Result<Vec<C
         }
     }
     Ok(pairs)
+}
+
+/// Evidence of both surfaces and pictures for the relative pose `first_from_second`.
+pub(crate) fn evidence_of(
+    surfaces: [&Surface; 2],
+    first_from_second: &Similarity3<f64>,
+) -> SimilarityEvidence {
+    let seen = surfaces.map(|surface| ComparedView { surface, intensity: Intensity::new(&surface.picture) });
+    evidence::of([&seen[0], &seen[1]], first_from_second)
 }
 
 /// Matches between two surfaces with the relative pose `first_from_second`: both pixels, in the pinhole pictures, of at

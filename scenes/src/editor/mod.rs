@@ -8,7 +8,8 @@
 //!   [`shell::loopback`]. Start here.
 //! * [`session`] — the room that is edited: loading, queries, saving.
 //! * [`walls`] — the room's walls, to which corners snap; [`outline`] — an outline on the floor, as lines in an image.
-//! * [`picture`] — the plan and the cameras' images; [`page`] — the page's own files.
+//! * [`picture`] — the plan and the cameras' images; [`page`] — the page's own files, some of which `recon picks --page`
+//!   has, too.
 
 mod outline;
 mod page;
@@ -19,5 +20,6 @@ mod session;
 mod tests;
 mod walls;
 
+pub use page::{CONTROLS_STYLE, SERVER_SCRIPT, SHAPES_SCRIPT};
 pub use server::Server;
 pub use session::Session;

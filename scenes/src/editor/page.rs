@@ -2,11 +2,19 @@
 
 use shell::loopback::PageFile;
 
+/// Style sheet of what pages with tools have in common: header, footer, buttons, fields.
+pub const CONTROLS_STYLE: PageFile = PageFile::css("/controls.css", include_str!("page/controls.css"));
+/// Script that asks a page's server.
+pub const SERVER_SCRIPT: PageFile = PageFile::script("/server.js", include_str!("page/server.js"));
+/// Script of shapes in SVG pictures and of pointers on them.
+pub const SHAPES_SCRIPT: PageFile = PageFile::script("/shapes.js", include_str!("page/shapes.js"));
+
 /// All files of the page.
-pub(super) const FILES: [PageFile; 15] = [
+pub(super) const FILES: [PageFile; 16] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),
     PageFile::PALETTE,
+    CONTROLS_STYLE,
     PageFile::css("/style.css", include_str!("page/style.css")),
     PageFile::script("/editor.js", include_str!("page/editor.js")),
     PageFile::script("/drawing.js", include_str!("page/drawing.js")),
@@ -17,6 +25,6 @@ pub(super) const FILES: [PageFile; 15] = [
     PageFile::script("/numbers.js", include_str!("page/numbers.js")),
     PageFile::script("/plan_shapes.js", include_str!("page/plan_shapes.js")),
     PageFile::script("/list.js", include_str!("page/list.js")),
-    PageFile::script("/shapes.js", include_str!("page/shapes.js")),
-    PageFile::script("/server.js", include_str!("page/server.js")),
+    SHAPES_SCRIPT,
+    SERVER_SCRIPT,
 ];

@@ -1,30 +1,24 @@
 //! Server of the editor: one room, on the loopback unless told otherwise, and then with a token.
 //!
-//! A request that changes or queries something has to come as JSON, which a browser does not send across sites without
-//! a preflight request; that request is answered by 405.
+//! A request that changes or queries something has to come as JSON ([`JsonBody`]), which a browser does not send across
+//! sites without a preflight request; that request is answered by 405.
 
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
 use axum::Router;
-use axum::body::to_bytes;
-use axum::extract::{FromRequest, Path, Request, State};
-use axum::http::header::CONTENT_TYPE;
+use axum::extract::{Path, State};
 use axum::routing::{get, post, put};
-use serde::de::DeserializeOwned;
 
 use super::page::FILES;
 use super::picture::Picture;
 use super::session::{OutlinesRequest, PlaceRequest, SaveRequest, Session};
 use crate::Error;
-use shell::loopback::{Answer, Listener, PageFile, Protection};
+use shell::loopback::{Answer, JsonBody, Listener, PageFile, Protection};
 
-/// Largest body that is read.
-const MOST_BODY_BYTES: usize = 1 << 20;
 /// Largest number of corners in one request.
 const MOST_CORNERS: usize = 5000;
-const JSON: &str = "application/json";
 
 /// An editor that listens.
 pub struct Server(Listener);
@@ -119,32 +113,6 @@ async fn on_worker(
 
 fn picture_answer(picture: &Picture) -> Answer {
     Answer::ok(picture.media_type, picture.bytes.clone())
-}
-
-/// Body of a request, which has to come as JSON.
-struct JsonBody<T>(T);
-
-impl<T: DeserializeOwned, S: Sync> FromRequest<S> for JsonBody<T> {
-    type Rejection = Answer;
-
-    async fn from_request(request: Request, _: &S) -> Result<Self, Answer> {
-        let content_type = request.headers().get(CONTENT_TYPE).and_then(|value| value.to_str().ok());
-        let media_type = content_type.and_then(|content_type| content_type.split(';').next());
-        if !media_type.is_some_and(|media_type| media_type.trim().eq_ignore_ascii_case(JSON)) {
-            return Err(Answer::error(415, "the body has to be JSON, with `Content-Type: application/json`"));
-        }
-        // A body a little too large is read to its end, so that the client reads the answer.
-        let body = match to_bytes(request.into_body(), 2 * MOST_BODY_BYTES).await {
-            Ok(body) if body.len() <= MOST_BODY_BYTES => body,
-            Ok(_) => return Err(Answer::error(413, "the body is larger than 1 MiB; draw fewer corners")),
-            Err(e) => {
-                let line = format!("the body is larger than 1 MiB, or ends early: {e}");
-                return Err(Answer::error(413, &line));
-            }
-        };
-        let parsed = serde_json::from_slice(&body).map(Self);
-        parsed.map_err(|e| Answer::error(400, &format!("the body is not understood: {e}")))
-    }
 }
 
 impl From<Error> for Answer {

@@ -10,6 +10,7 @@
 //! * [`authority`] — host and port of `Host` and `Origin`, compared exactly.
 //! * [`protection`] — [`Protection`]: both, as a command's options name them.
 //! * [`answer`] — [`Answer`]: the answers, with the headers that all of them carry.
+//! * [`json_body`] — [`JsonBody`]: the bodies of requests that change or query something.
 //! * [`page_file`] — [`PageFile`]: a page's own files, compiled into the program, so that pages work without a network;
 //!   and the colours that all pages share.
 
@@ -17,12 +18,14 @@ mod access;
 mod answer;
 mod authority;
 mod connections;
+mod json_body;
 mod listener;
 mod page_file;
 mod protection;
 
 pub use access::AccessToken;
 pub use answer::Answer;
+pub use json_body::JsonBody;
 pub use listener::{ListenError, Listener};
 pub use page_file::PageFile;
 pub use protection::Protection;

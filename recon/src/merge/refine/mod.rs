@@ -115,6 +115,7 @@ pub(super) fn refine(
         state.points[point] = None;
     }
     report.pick_rms_px = scene.pick_rms(&state, &kept);
+    report.misfits_px = scene.misfits_px(&state, &kept);
     report.depth_sigma = scene.depth_sigma(&kept);
     if options.align_surfaces && surfaces.len() > 1 {
         scene.align_surfaces_robustly(&mut state, &kept, &mut report);
@@ -208,6 +209,12 @@ impl Refinement<'_> {
             })
             .fold(0.0, f64::max);
         off.max(from_others)
+    }
+
+    /// Distance of each pick by hand from the projection of its point, with the point's number and its camera.
+    fn misfits_px(&self, state: &RefinementState, picks: &[LiftedPick]) -> Vec<(usize, usize, f64)> {
+        let off = |p: &LiftedPick| norm(self.residual(state, &Term::Pixel(p))) * self.sigma_px(p);
+        picks.iter().filter(|p| p.by_hand).map(|p| (p.point + 1, p.camera, off(p))).collect()
     }
 
     fn pick_rms(&self, state: &RefinementState, picks: &[LiftedPick]) -> f64 {

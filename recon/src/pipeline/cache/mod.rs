@@ -145,7 +145,7 @@ fn surface_file(camera: &str) -> String {
 mod tests {
     use super::*;
     use crate::capture::Sampled;
-    use crate::pipeline::report::{CameraReport, StartErrors};
+    use crate::pipeline::report::{CameraReport, CameraSeconds, StartErrors};
     use calib::Intrinsics;
     use image::RgbImage;
     use nalgebra::Point3;
@@ -172,7 +172,7 @@ mod tests {
             ..CameraReport::default()
         };
         let points = vec![Point3::new(0.1 + 0.2, -1.0 / 3.0, 7.0), Point3::new(1e-300, -0.0, 2.5)];
-        CameraMotion { lens, camera_from_world, points, report }
+        CameraMotion { lens, camera_from_world, points, report, seconds: CameraSeconds::default() }
     }
 
     #[test]
@@ -214,6 +214,7 @@ mod tests {
         cache.store_surface("cam0", &keys, &processed);
         let whole = |back: ProcessedCapture| {
             assert_eq!((&back.lens, &back.report), (&processed.lens, &processed.report));
+            assert_eq!(back.seconds, processed.seconds);
             assert_eq!(
                 (&back.camera_from_world, back.range),
                 (&processed.camera_from_world, processed.range)

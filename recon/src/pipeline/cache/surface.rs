@@ -37,13 +37,15 @@ struct CachedDisc {
 
 impl CachedCapture {
     pub(super) fn of(processed: &ProcessedCapture) -> Self {
-        let ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report } = processed;
+        let ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report, seconds } =
+            processed;
         Self {
             motion: CameraMotion {
                 lens: lens.clone(),
                 camera_from_world: camera_from_world.clone(),
                 points: Vec::new(),
                 report: report.clone(),
+                seconds: *seconds,
             },
             range: *range,
             pinhole: surface.intrinsics.clone(),
@@ -74,7 +76,7 @@ impl CachedCapture {
             intrinsics: self.pinhole,
             step: self.step,
         };
-        let CameraMotion { lens, camera_from_world, report, .. } = self.motion;
+        let CameraMotion { lens, camera_from_world, report, seconds, .. } = self.motion;
         let key_frame_discs = self.key_frame_discs.iter().map(CachedDisc::restored).collect();
         Some(ProcessedCapture {
             lens,
@@ -83,6 +85,7 @@ impl CachedCapture {
             camera_from_world,
             range: self.range,
             report,
+            seconds,
         })
     }
 }
@@ -105,6 +108,7 @@ impl CachedDisc {
 pub(super) mod tests {
     use super::*;
     use crate::pipeline::CameraReport;
+    use crate::pipeline::report::CameraSeconds;
     use crate::surface::rendered::Rendering;
     use nalgebra::Isometry3;
     use scenes::raycast::RayScene;
@@ -137,6 +141,7 @@ pub(super) mod tests {
             camera_from_world,
             range: (0.1 + 0.2, 7.0),
             report,
+            seconds: CameraSeconds { motion: 0.1 + 0.2, dense: 7.0 },
         }
     }
 }

@@ -1,4 +1,4 @@
-// Asking the server. What goes wrong is thrown as an `Error` with the server's own line and its `status`.
+// Asking the server that a page came from. What goes wrong is thrown as an `Error` with the server's own line and its `status`.
 
 export async function ask(method, path, question) {
   const options = { method };
@@ -10,7 +10,7 @@ export async function ask(method, path, question) {
   try {
     response = await fetch(path, options);
   } catch {
-    throw Object.assign(new Error("The editor's server does not answer; is `scenes edit` still running?"), { status: 0 });
+    throw Object.assign(new Error("The page's server does not answer; is the program that serves it still running?"), { status: 0 });
   }
   const reply = await response.json().catch(() => ({}));
   if (!response.ok) {
