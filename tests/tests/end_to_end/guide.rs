@@ -129,6 +129,7 @@ fn run_chapter(chapter: &str) {
             ("7449", &third),
             ("9464", &metrics),
             ("scenes edit room", "scenes edit room --port 0"),
+            ("room.toml --page", "room.toml --page --port 0"),
         ]
         .iter()
         .fold(commands, |commands, (written, here)| commands.replace(written, here));
