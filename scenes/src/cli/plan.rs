@@ -32,6 +32,9 @@ impl Plan {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
         Outputs::new([self.out.as_path()]).refuse(room::files_of(&self.room))?;
         let room = Room::read(&self.room)?;
+        for warning in room.odd_sizes() {
+            tracing::warn!("{}: {warning}", self.room.display());
+        }
         if room.geometry.is_none() {
             tracing::warn!(
                 "{}: the room has no geometry: the plan shows its cameras and zones",

@@ -1,12 +1,14 @@
 //! Geometry of a room: triangles, or discs around oriented points. World coordinates, metres.
 
-pub(crate) mod cloud;
 mod defect;
+pub mod files;
 mod normals;
 pub mod ply;
 pub(crate) mod sample;
+pub mod scan;
 mod shape_hash;
 mod spacing;
+mod thinning;
 mod triangulate;
 
 use glam::Vec3;

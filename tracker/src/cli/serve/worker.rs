@@ -121,13 +121,14 @@ fn read_again(source: &RoomSource, present: Option<&Room>) -> anyhow::Result<Roo
 
 /// The room without what takes much memory.
 fn without_geometry(room: &Room) -> Room {
-    let Room { cameras, zones, regions, lines, geo, walkable, geometry: _ } = room;
+    let Room { cameras, zones, regions, lines, geo, source, walkable, geometry: _ } = room;
     Room {
         cameras: cameras.clone(),
         zones: zones.clone(),
         regions: regions.clone(),
         lines: lines.clone(),
         geo: *geo,
+        source: *source,
         walkable: walkable.clone(),
         geometry: None,
     }

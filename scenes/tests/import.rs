@@ -1,0 +1,185 @@
+//! `scenes import` and `scenes export` as a person runs them: what other programs wrote comes in where it belongs.
+#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use nalgebra::Point3;
+use scenes::geometry::Geometry;
+use scenes::room::{Room, Source};
+use tempfile::TempDir;
+
+fn scenes(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_scenes")).args(arguments).output().unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A model of COLMAP in millimetres with Y down, as reconstructions of a level first picture are: cameras `a.jpg` and
+/// `b.jpg` at (0, -2000, 0) and (1000, -2000, 0), which look along z, and a floor of points at y = 0 before them.
+fn model(scale: f64) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, content: String| std::fs::write(folder.path().join(name), content).unwrap();
+    put("cameras.txt", "1 PINHOLE 64 48 60 60 32 24\n".into());
+    let image = |id: i32, x: f64, name: &str| {
+        format!("{id} 1 0 0 0 {} {} 0 1 {name}\n\n", -x * scale, 2000.0 * scale)
+    };
+    put("images.txt", image(1, 0.0, "hall/a.jpg") + &image(2, 1000.0, "hall/b.jpg"));
+    let point = |i: i32| {
+        let (x, z) = (100.0 * f64::from(i % 20), 3000.0 + 100.0 * f64::from(i / 20));
+        format!("{i} {} 0 {} 10 20 30 0\n", x * scale, z * scale)
+    };
+    put("points3D.txt", (1..400).map(point).collect());
+    folder
+}
+
+/// A finished import, which must succeed: the room, and what was said.
+fn import(arguments: &[&str]) -> (Room, String, TempDir) {
+    let out = tempfile::tempdir().unwrap();
+    let room = out.path().join("room");
+    let output = scenes(&[&["import"], arguments, &["--out", text(&room)]].concat());
+    let said = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{said}");
+    (Room::read(&room).unwrap(), said, out)
+}
+
+fn refusal(arguments: &[&str]) -> String {
+    let out = tempfile::tempdir().unwrap();
+    let room = out.path().join("room");
+    let output = scenes(&[&["import"], arguments, &["--out", text(&room)]].concat());
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert_eq!(said.lines().filter(|line| !line.contains("WARN")).count(), 1, "{said}");
+    assert!(!room.exists());
+    said
+}
+
+fn center(room: &Room, name: &str) -> Point3<f64> {
+    room.camera(name).unwrap().camera.center()
+}
+
+#[test]
+fn scale_and_up_bring_a_model_to_metres_with_z_up() {
+    let model = model(1.0);
+    let (room, said, _out) = import(&[text(model.path()), "--scale", "0.001", "--up=-y"]);
+    assert!(said.is_empty(), "{said}");
+    // y down becomes z up: the shortest turn takes −y to z, and so z to y.
+    assert!((center(&room, "hall_a") - Point3::new(0.0, 0.0, 2.0)).norm() < 1e-9);
+    assert!((center(&room, "hall_b") - Point3::new(1.0, 0.0, 2.0)).norm() < 1e-9);
+    let Some(Geometry::Discs(discs)) = &room.geometry else { panic!("the model's points") };
+    assert!(discs.iter().all(|d| d.center.z.abs() < 1e-4 && d.normal.z > 0.99 && d.radius < 0.2));
+    assert!(discs.iter().all(|d| d.center.y > 2.9 && d.color == [10, 20, 30]));
+    // The cameras see the floor's points where they saw them before.
+    let pixel = room.camera("hall_a").unwrap().camera.project(&Point3::new(0.5, 4.0, 0.0)).unwrap();
+    assert!((pixel.x - (60.0 * 0.5 / 4.0 + 31.5)).abs() < 1e-9, "{pixel}");
+    assert!((pixel.y - (60.0 * 2.0 / 4.0 + 23.5)).abs() < 1e-9, "{pixel}");
+}
+
+#[test]
+fn a_model_in_millimetres_is_told_of_with_the_mend() {
+    let model = model(1.0);
+    let (_, said, out) = import(&[text(model.path()), "--up=-y"]);
+    assert!(said.contains("2000 m above the floor") && said.contains("--scale 0.001"), "{said}");
+    let check = scenes(&["check", text(&out.path().join("room"))]);
+    let said = String::from_utf8(check.stderr).unwrap();
+    assert!(check.status.success() && said.contains("--scale 0.001"), "{said}");
+}
+
+#[test]
+fn chosen_pictures_are_cameras_with_their_reference_images() {
+    let model = model(0.001);
+    let images = tempfile::tempdir().unwrap();
+    std::fs::create_dir(images.path().join("hall")).unwrap();
+    image::RgbImage::from_pixel(64, 48, image::Rgb([9, 8, 7]))
+        .save(images.path().join("hall/b.jpg"))
+        .unwrap();
+    let given = [text(model.path()), "--up=-y", "--images", text(images.path())];
+    let (room, said, out) = import(&[&given[..], &["--cameras", "door=b.jpg"]].concat());
+    assert!(said.is_empty(), "{said}");
+    let [door] = &room.cameras[..] else { panic!("one camera") };
+    assert_eq!(
+        (door.name.as_str(), door.reference.clone()),
+        ("door", Some(PathBuf::from("reference/door.jpg")))
+    );
+    let copied = std::fs::read(out.path().join("room/reference/door.jpg")).unwrap();
+    assert_eq!(copied, std::fs::read(images.path().join("hall/b.jpg")).unwrap());
+    // A picture that is not there is worth a warning, none at all is a mistake.
+    let (room, said, _out) = import(&given);
+    assert!(said.contains("camera `hall_a`: there is no picture `hall/a.jpg`"), "{said}");
+    assert_eq!(room.cameras.iter().filter(|c| c.reference.is_some()).count(), 1);
+    let said = refusal(&[&given[..], &["--cameras", "a.jpg"]].concat());
+    assert!(said.contains("it holds no picture of the cameras"), "{said}");
+    assert!(
+        refusal(&[text(model.path()), "--cameras", "lobby"])
+            .contains("no picture of the model has this name")
+    );
+}
+
+#[test]
+fn known_points_align_a_model_and_their_residuals_are_told() {
+    let model = model(1.0);
+    let picks = model.path().join("picks.csv");
+    // Millimetres, y down, to metres, with x north (the model's z), y west, z up, 100 m east.
+    let row = |[x, y, z]: [f64; 3], off: f64, name: &str| {
+        format!("{x},{y},{z},{},{},{},{name}\n", z / 1000.0 + off, 100.0 - x / 1000.0, -y / 1000.0)
+    };
+    let corners = [
+        [0.0, 0.0, 3000.0],
+        [1900.0, 0.0, 3000.0],
+        [1900.0, 0.0, 4900.0],
+        [0.0, 0.0, 4900.0],
+        [0.0, -2500.0, 4900.0],
+    ];
+    let table = |off: f64| {
+        let rows = corners
+            .iter()
+            .zip(0..)
+            .map(|(c, i)| row(*c, if i == 2 { off } else { 0.0 }, &format!("corner {i}")));
+        "x,y,z,room_x,room_y,room_z,name\n".to_owned() + &rows.collect::<String>()
+    };
+    std::fs::write(&picks, table(0.0)).unwrap();
+    let given = [text(model.path()), "--points", text(&picks)];
+    let (room, said, _out) = import(&given);
+    assert!(said.contains("points    5, rms 0.000 m, 0.00") || said.contains("1e-3 metres a unit"), "{said}");
+    assert!(said.contains("point     corner 4: 0.000 m off"), "{said}");
+    assert!(
+        (center(&room, "hall_b") - Point3::new(0.0, 99.0, 2.0)).norm() < 1e-6,
+        "{}",
+        center(&room, "hall_b")
+    );
+    std::fs::write(&picks, table(0.5)).unwrap();
+    let (_, said, _out) = import(&given);
+    assert!(said.contains("point `corner 2` is 0.5") && said.contains("leave it out"), "{said}");
+    std::fs::write(&picks, "x,y,z,room_x,room_y,room_z\n0,0,0,1,1,1\n").unwrap();
+    assert!(refusal(&given).contains("at least 3"));
+    assert!(refusal(&[&given[..], &["--up", "y"]].concat()).contains("--up"));
+}
+
+#[test]
+fn a_far_frame_is_shifted_and_the_room_keeps_the_shift() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
+    put("cameras.txt", "1 PINHOLE 64 48 60 60 32 24\n");
+    // Cameras of UTM that look down: x east, y north, z up; half a turn about x.
+    put(
+        "images.txt",
+        "1 0 1 0 0 -500003 5400010.25 102 1 a.jpg\n\n2 0 1 0 0 -500004 5400010.25 102 1 b.jpg\n\n",
+    );
+    put(
+        "points3D.txt",
+        "1 500003.125 5400010.5 100 1 2 3 0\n2 500003.5 5400011 100 1 2 3 0\n3 500004 5400010 100 1 2 3 0\n",
+    );
+    let (room, said, out) = import(&[text(folder.path())]);
+    assert!(said.contains("moved by -500000,-5400000,0 m"), "{said}");
+    assert!((center(&room, "a") - Point3::new(3.0, 10.25, 102.0)).norm() < 1e-6);
+    assert_eq!(room.source, Some(Source { shift: [-500_000.0, -5_400_000.0, 0.0] }));
+    let Some(Geometry::Discs(discs)) = &room.geometry else { panic!("points") };
+    assert_eq!(discs[0].center.to_array(), [3.125, 10.5, 100.0]);
+    let check = scenes(&["check", text(&out.path().join("room"))]);
+    let told = String::from_utf8(check.stdout).unwrap();
+    assert!(told.contains("moved by -500000, -5400000, 0 m"), "{told}");
+    let (room, said, _out) = import(&[text(folder.path()), "--shift=-500003,-5400010,-100"]);
+    assert!(said.is_empty() && (center(&room, "a") - Point3::new(0.0, 0.25, 2.0)).norm() < 1e-6, "{said}");
+}
