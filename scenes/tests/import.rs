@@ -183,3 +183,84 @@ fn a_far_frame_is_shifted_and_the_room_keeps_the_shift() {
     let (room, said, _out) = import(&[text(folder.path()), "--shift=-500003,-5400010,-100"]);
     assert!(said.is_empty() && (center(&room, "a") - Point3::new(0.0, 0.25, 2.0)).norm() < 1e-6, "{said}");
 }
+
+#[test]
+fn geometry_of_every_format_lies_where_the_cameras_see_it() {
+    let model = model(0.001);
+    let put = |name: &str, bytes: &[u8]| {
+        let path = model.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    // A wall of 2 × 1 m, 4 m before the cameras, in the model's world: Y down.
+    let corners = [[0.0, 0.0, 4.0], [2.0, 0.0, 4.0], [2.0, -1.0, 4.0], [0.0, -1.0, 4.0_f32]];
+    let obj: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z} 1 0 0\n")).collect();
+    let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n"
+        .to_owned()
+        + &corners.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect::<String>()
+        + "4 0 1 2 3\n";
+    let binary: Vec<u8> = corners.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+    put("wall.bin", &binary);
+    let gltf = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0},"mode":6}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3"}],
+        "bufferViews":[{"buffer":0,"byteLength":48}],"buffers":[{"byteLength":48,"uri":"wall.bin"}]}"#;
+    let obj = put("wall.obj", (obj + "f 1 2 3 4\n").as_bytes());
+    for file in [put("wall.ply", ply.as_bytes()), obj, put("wall.gltf", gltf.as_bytes())] {
+        let given = [text(model.path()), "--up=-y", "--geometry", text(&file), "--cameras", "a.jpg"];
+        let (room, said, _out) = import(&given);
+        assert!(said.is_empty(), "{said}");
+        let Some(Geometry::Mesh(mesh)) = &room.geometry else { panic!("{}: a mesh", file.display()) };
+        assert_eq!(mesh.triangles.len(), 2, "{}", file.display());
+        for (vertex, [x, y, z]) in mesh.vertices.iter().zip(corners) {
+            assert!(vertex.distance(glam::Vec3::new(x, z, -y)) < 1e-6, "{}: {vertex}", file.display());
+        }
+    }
+    // Without --up a glTF file is turned by its standard, and the model's cameras are not.
+    let (room, _, _out) = import(&[text(model.path()), "--geometry", text(&model.path().join("wall.gltf"))]);
+    let Some(Geometry::Mesh(mesh)) = &room.geometry else { panic!("a mesh") };
+    assert!(mesh.vertices[2].distance(glam::Vec3::new(2.0, -4.0, -1.0)) < 1e-6, "{}", mesh.vertices[2]);
+}
+
+#[test]
+fn a_room_goes_out_as_a_mesh_with_its_colours() {
+    let model = model(0.001);
+    let (room, _, out) = import(&[text(model.path()), "--up=-y"]);
+    let dir = out.path().join("room");
+    let Some(Geometry::Discs(discs)) = &room.geometry else { panic!("points") };
+    for (format, name) in [("ply", "mesh.ply"), ("glb", "mesh.glb")] {
+        let file = out.path().join(name);
+        let output = scenes(&["export", text(&dir), "--format", format, "--out", text(&file)]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        // The cameras are in the room's world already.
+        let cameras = out.path().join("transforms.json");
+        assert!(
+            scenes(&["export", text(&dir), "--format", "nerfstudio", "--out", text(&cameras)])
+                .status
+                .success()
+        );
+        let (back, said, _back) = import(&[text(&cameras), "--geometry", text(&file)]);
+        assert!(said.is_empty(), "{said}");
+        let Some(Geometry::Mesh(mesh)) = &back.geometry else { panic!("a mesh") };
+        assert_eq!(mesh.triangles.len(), 4 * discs.len());
+        for (corners, disc) in mesh.vertices.chunks(6).zip(discs) {
+            let middle = corners.iter().sum::<glam::Vec3>() / 6.0;
+            assert!(middle.distance(disc.center) < 1e-5, "{format}: {middle} {}", disc.center);
+        }
+        assert!(mesh.colors.iter().all(|color| *color == [10, 20, 30]), "{format}");
+    }
+    let cameras_only = out.path().join("empty");
+    std::fs::create_dir(&cameras_only).unwrap();
+    let scene = std::fs::read_to_string(dir.join("scene.toml")).unwrap();
+    std::fs::write(cameras_only.join("scene.toml"), scene.replace("geometry =", "# geometry =")).unwrap();
+    let output = scenes(&[
+        "export",
+        text(&cameras_only),
+        "--format",
+        "glb",
+        "--out",
+        text(&out.path().join("no.glb")),
+    ]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && said.contains("no geometry"), "{said}");
+}

@@ -254,7 +254,7 @@ impl Import {
         let says_up = self.up.is_some() || self.points.is_some();
         let read = |path: &Path, way: Similarity3<f64>| {
             // The standard of glTF has Y up; where the user says what is up, it is that of all files.
-            let way = if says_up { way } else { way * files::up_of(path) };
+            let way = if says_up { way } else { way * files::z_up_from_file(path) };
             files::read(path, &placing(way)).map(Some)
         };
         Ok(match (&self.geometry, of_model) {

@@ -2,12 +2,17 @@
 
 mod defect;
 pub mod files;
+pub mod gltf;
+mod las;
+mod meshed;
 mod normals;
+mod obj;
 pub mod ply;
 pub(crate) mod sample;
 pub mod scan;
 mod shape_hash;
 mod spacing;
+mod texture;
 mod thinning;
 mod triangulate;
 

@@ -17,6 +17,8 @@ const LARGEST_M: f64 = 1000.0;
 const FARTHEST_M: f64 = 1000.0;
 /// Distance of something drawn from the cameras and the geometry above which it hardly belongs to the room.
 const FARTHEST_DRAWN_M: f64 = 300.0;
+/// Number of corners above which an outline is hardly drawn, but traced.
+const MOST_CORNERS: usize = 2000;
 /// Share of the vertices at each end that may be strays.
 const STRAYS: f64 = 0.02;
 /// Number of vertices from which the geometry's extent is taken.
@@ -31,7 +33,29 @@ impl Room {
         let far = if unit.is_none() { far_warning(&eyes) } else { None };
         let near: Vec<Point3<f64>> =
             eyes.iter().copied().chain(extent.into_iter().flat_map(<[_; 2]>::from)).collect();
-        unit.into_iter().chain(far).chain(self.far_drawings(&near)).collect()
+        unit.into_iter().chain(far).chain(self.far_drawings(&near)).chain(self.long_outlines()).collect()
+    }
+
+    /// Outlines that can be drawn: kind, name, polygon.
+    fn outlines(&self) -> impl Iterator<Item = (&'static str, String, &Polygon)> {
+        let zones = self.zones.iter().map(|zone| ("zone", zone.name.clone(), &zone.polygon));
+        let regions = self.regions.iter().map(|region| ("region", region.name.clone(), &region.polygon));
+        let floor = self.walkable.iter().flatten().zip(1..);
+        let floor = floor.map(|(polygon, number)| ("floor polygon", format!("{number}"), polygon));
+        zones.chain(regions).chain(floor)
+    }
+
+    /// Warnings of outlines with more corners than anybody draws.
+    fn long_outlines(&self) -> Vec<String> {
+        self.outlines()
+            .filter(|(_, _, polygon)| polygon.0.len() > MOST_CORNERS)
+            .map(|(kind, name, polygon)| {
+                format!(
+                    "{kind} `{name}`: it has {} corners, more than can be edited; draw it anew with `scenes edit`, or simplify it",
+                    polygon.0.len()
+                )
+            })
+            .collect()
     }
 
     /// Warnings of zones, regions and floor polygons that lie far from `near`.
@@ -47,13 +71,7 @@ impl Room {
             let along = |axis: usize| (from[axis] - high[axis]).max(low[axis] - to[axis]).max(0.0);
             along(0).hypot(along(1))
         };
-        let zones = self.zones.iter().map(|zone| ("zone", zone.name.clone(), &zone.polygon));
-        let regions = self.regions.iter().map(|region| ("region", region.name.clone(), &region.polygon));
-        let floor = self.walkable.iter().flatten().zip(1..);
-        let floor = floor.map(|(polygon, number)| ("floor polygon", format!("{number}"), polygon));
-        zones
-            .chain(regions)
-            .chain(floor)
+        self.outlines()
             .filter_map(|(kind, name, polygon)| {
                 let gap_m = gap(polygon);
                 (gap_m > FARTHEST_DRAWN_M).then(|| {
@@ -178,6 +196,23 @@ mod tests {
         let said = warnings(|room| scaled(room, 1.0, 4005.0));
         assert!(said.len() == 1 && said[0].contains("--shift=-4000,0,0"), "{said:?}");
         assert_eq!(warnings(|room| scaled(room, 1.0, 900.0)), [""; 0]);
+    }
+
+    #[test]
+    fn a_traced_outline_is_told_of_in_no_time() {
+        let corner = |i: u32| {
+            let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 1e5).sin_cos();
+            let radius = 2.0 + 0.1 * (f64::from(i) / 7.0).sin();
+            Point2::new(3.0 + radius * cos, 2.5 + radius * sin)
+        };
+        let mut room = crate::exchange::test_room::room(2);
+        room.walkable = Some(vec![Polygon((0..100_000).map(corner).collect())]);
+        let said = room.odd_sizes();
+        assert!(said.len() == 1 && said[0].contains("floor polygon `1`: it has 100000 corners"), "{said:?}");
+        let map = crate::walkable::WalkableMap::of_room(&room).unwrap();
+        // The mean of the squared radius is 4.005.
+        let expected = 4.005 * std::f64::consts::PI;
+        assert!((map.area_m2().unwrap() - expected).abs() < 0.05, "{:?}", map.area_m2());
     }
 
     #[test]
