@@ -264,3 +264,59 @@ fn a_room_goes_out_as_a_mesh_with_its_colours() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.code() == Some(2) && said.contains("no geometry"), "{said}");
 }
+
+/// The corners and faces of a box from the origin to `size`, seen from inside, as OBJ.
+fn box_obj(size: [f64; 3], place: impl Fn([f64; 3]) -> [f64; 3]) -> String {
+    let corner = |i: usize| place([0, 1, 2].map(|axis| if i >> axis & 1 == 1 { size[axis] } else { 0.0 }));
+    let vertices: String = (0..8).map(corner).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    vertices + "f 1 2 4 3\nf 5 6 8 7\nf 1 2 6 5\nf 3 4 8 7\nf 1 3 7 5\nf 2 4 8 6\n"
+}
+
+#[test]
+fn the_floor_of_a_tilted_model_is_found_and_brought_to_zero() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
+    // A room of 6 × 5 × 2.6 m, tilted by a few degrees and lifted; z up or, as in COLMAP's worlds, y down.
+    let tilt = nalgebra::UnitQuaternion::from_euler_angles(0.06, -0.04, 0.0);
+    for up in ["z", "-y"] {
+        let turn = if up == "z" {
+            nalgebra::UnitQuaternion::identity()
+        } else {
+            nalgebra::UnitQuaternion::from_axis_angle(
+                &nalgebra::Vector3::x_axis(),
+                -std::f64::consts::FRAC_PI_2,
+            )
+        };
+        let tilted = |p: [f64; 3]| -> [f64; 3] {
+            (turn * (tilt * nalgebra::Vector3::from(p)) + nalgebra::Vector3::new(0.3, 0.2, 1.7)).into()
+        };
+        put("room.obj", &box_obj([6.0, 5.0, 2.6], tilted));
+        put("cameras.txt", "1 PINHOLE 640 480 400 400 320 240\n");
+        // Two cameras in opposite corners, 2.2 m above the floor, which look at the middle of it.
+        let image = |id: i32, eye: [f64; 3]| {
+            let ahead = nalgebra::Vector3::new(3.0, 2.5, 0.3) - nalgebra::Vector3::from(eye);
+            let world_from_camera =
+                turn * tilt * nalgebra::UnitQuaternion::face_towards(&ahead, &-nalgebra::Vector3::z());
+            let q = world_from_camera.inverse();
+            let t = -(q * nalgebra::Vector3::from(tilted(eye)));
+            format!("{id} {} {} {} {} {} {} {} 1 {id}.jpg\n\n", q.w, q.i, q.j, q.k, t.x, t.y, t.z)
+        };
+        put("images.txt", &(image(1, [0.5, 0.5, 2.2]) + &image(2, [5.5, 4.5, 2.2])));
+        let obj = folder.path().join("room.obj");
+        let (room, said, _out) = import(&[text(folder.path()), "--geometry", text(&obj), "--floor", "auto"]);
+        assert!(said.contains("floor     ") && !said.contains("WARN"), "{said}");
+        for name in ["1", "2"] {
+            assert!((center(&room, name).z - 2.2).abs() < 0.01, "{up}: {}", center(&room, name));
+        }
+        assert!(((center(&room, "1") - center(&room, "2")).norm() - 5.0_f64.hypot(4.0)).abs() < 1e-6);
+        let Some(Geometry::Mesh(mesh)) = &room.geometry else { panic!("a mesh") };
+        let heights: Vec<f32> = mesh.vertices.iter().map(|v| v.z).collect();
+        assert!(
+            heights[..4].iter().all(|z| z.abs() < 0.01)
+                && heights[4..].iter().all(|z| (z - 2.6).abs() < 0.01),
+            "{up}: {heights:?}"
+        );
+    }
+    let said = refusal(&[text(folder.path()), "--floor", "auto"]);
+    assert!(said.contains("--floor auto: there is no geometry"), "{said}");
+}

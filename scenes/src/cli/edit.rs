@@ -44,6 +44,9 @@ impl Edit {
         // The port is bound first: a room may take a while to read.
         let server = Server::bind(&self.host, self.port, &protection)?;
         let session = Session::open(&self.room)?;
+        for warning in session.odd_sizes() {
+            tracing::warn!("{}: {warning}", self.room.display());
+        }
         writeln!(out, "{}: edit it at {} (Ctrl-C ends)", self.room.display(), server.link())?;
         out.flush()?;
         Ok(server.run(session)?)

@@ -3,12 +3,13 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use glam::{DVec3, Vec3};
-use nalgebra::{Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
 use scenes::exchange::alignment::{self, KnownPoint};
 use scenes::exchange::{self, Model, ModelGeometry, ModelOptions, PicturedCamera, Pictures, Selection};
 use scenes::exchange::{calib_files, placement, references};
+use scenes::floor::{self, FloorOptions};
 use scenes::geometry::scan::{MOST_POINTS, Placing};
 use scenes::geometry::{Geometry, files, vec3_from_point};
 use scenes::room::{GEOMETRY_FILE, Room, SCENE_FILE, Source};
@@ -22,13 +23,13 @@ use shell::ranges::Range;
 /// ply_file_path) or from --geometry: PLY, OBJ, glTF or GLB, LAS or LAZ; normals are estimated where it has none.
 ///
 /// The room's world is in metres, with Z up and the floor at z = 0. --scale, --up and --shift bring cameras and geometry
-/// there together, in this order, or --points does, by points that are known in both. Frames more than 10 km from their
+/// there together, in this order, or --points does, by points that are known in both; --floor auto finds the floor. Frames more than 10 km from their
 /// origin, as UTM's, are shifted by whole kilometres; scene.toml keeps the shift. Images become cameras of their names.
 #[derive(Args)]
 #[command(after_help = "Examples:
   scenes import sparse/0 --geometry meshed-poisson.ply --images images --out myroom
   scenes import sparse/0 --cameras door=hall/IMG_0012.jpg desk=IMG_0500.jpg --points picks.csv --out myroom
-  scenes import transforms.json --up y --scale 0.001 --out myroom
+  scenes import transforms.json --up y --scale 0.001 --floor auto --out myroom
   scenes import sparse/0 --geometry utm.laz --shift=-500000,-5400000,0 --out myroom
   scenes import --camera door=lens1.toml,pose1.toml --camera desk=lens2.toml,pose2.toml --geometry scan.glb --out myroom
 
@@ -64,6 +65,9 @@ pub(crate) struct Import {
     /// Points known in the model and in the room, by which they are aligned; with --scale only by rotation and translation
     #[arg(long, value_name = "CSV", conflicts_with_all = ["up", "shift"])]
     points: Option<PathBuf>,
+    /// Bring the floor to z = 0, by the shortest turn and move: `auto` finds it among the planes of the geometry
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "points")]
+    floor: Option<FloorSearch>,
     /// Undo what nerfstudio did to the world of transforms.json (applied_transform, applied_scale)
     #[arg(long)]
     undo_applied: bool,
@@ -73,6 +77,13 @@ pub(crate) struct Import {
     /// The room directory to make
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+}
+
+/// Way in which the floor is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum FloorSearch {
+    /// Among the planes of the geometry
+    Auto,
 }
 
 /// Metres a unit.
@@ -124,7 +135,10 @@ impl Import {
         for camera in &mut cameras {
             camera.entry.camera = placement::placed(&camera.entry.camera, &room_from_model);
         }
-        let geometry = self.read_geometry(&geometry, &room_from_model, &cameras)?;
+        let mut geometry = self.read_geometry(&geometry, &room_from_model, &cameras)?;
+        if self.floor == Some(FloorSearch::Auto) {
+            self.level(out, geometry.as_mut(), &mut cameras)?;
+        }
         let references = match &self.images {
             Some(folder) => references::find(folder, &mut cameras)?,
             None => Vec::new(),
@@ -203,6 +217,42 @@ impl Import {
         };
         let shifted = Translation3::new(shift.x, shift.y, shift.z) * near;
         Ok((shifted, Some(Source { shift: shift.to_array() })))
+    }
+
+    /// Finds the floor, and brings it to z = 0.
+    fn level(
+        &self,
+        out: &mut impl Write,
+        geometry: Option<&mut Geometry>,
+        cameras: &mut [PicturedCamera],
+    ) -> anyhow::Result<()> {
+        let place = || {
+            format!(
+                "{}: --floor auto",
+                self.geometry.as_ref().or(self.model.as_ref()).unwrap_or(&self.out).display()
+            )
+        };
+        let Some(geometry) = geometry else {
+            anyhow::bail!("{}: there is no geometry to find the floor in; name one with --geometry", place());
+        };
+        let poses: Vec<Isometry3<f64>> = cameras.iter().map(|c| c.entry.camera.camera_from_world).collect();
+        let eyes: Vec<Point3<f64>> = cameras.iter().map(|c| c.entry.camera.center()).collect();
+        let points = floor::surface_points(geometry, &eyes);
+        let (plane, report) = floor::find(&points, &poses, &[], &FloorOptions::default())
+            .map_err(|problem| anyhow::anyhow!("{}: {problem}; or use --up, --shift or --points", place()))?;
+        writeln!(
+            out,
+            "floor     {:.0} % of the surfaces, {:.3} m rms, was {:.1}° from level",
+            100.0 * report.area_share,
+            report.rms,
+            plane.normal.angle(&Vector3::z()).to_degrees()
+        )?;
+        let level = floor::levelled(&plane, &eyes);
+        geometry.transform(&level);
+        for camera in cameras {
+            camera.entry.camera = camera.entry.camera.moved(&level);
+        }
+        Ok(())
     }
 
     /// Similarity of the known points of a file, and how well they agree with it.
