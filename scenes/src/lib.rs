@@ -7,6 +7,7 @@
 //! * [`geometry`] — triangles or oriented discs, PLY in and out; [`polygon`] — regions of the floor.
 //! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — depth maps of the empty room.
 //! * [`exchange`] — rooms from and for other programs: COLMAP, nerfstudio.
+//! * [`floor`] — the plane of the floor and the world frame that stands on it, found among surfaces.
 //! * [`walkable`] — [`walkable::WalkableMap`]: the floor on which a person can stand.
 //! * [`view`] — the room seen from anywhere, with people in it; [`plan`] — its floor plan.
 //! * [`editor`] — the page on which people draw zones.
@@ -20,6 +21,7 @@ pub mod depth;
 pub mod editor;
 mod error;
 pub mod exchange;
+pub mod floor;
 pub mod geometry;
 pub mod plan;
 pub mod polygon;

@@ -91,12 +91,18 @@ impl Polygon {
 
     /// Tells whether a point lies inside (crossing number; points on the border may fall on either side).
     pub fn contains(&self, p: &Point2<f64>) -> bool {
+        self.each_crossing(p.y).filter(|x| p.x < *x).count() % 2 == 1
+    }
+
+    /// Values of x at which the outline crosses the line of that y, in the order of the edges.
+    pub(crate) fn crossings_at(&self, y: f64) -> Vec<f64> {
+        self.each_crossing(y).collect()
+    }
+
+    fn each_crossing(&self, y: f64) -> impl Iterator<Item = f64> + '_ {
         self.edges()
-            .filter(|(a, b)| (a.y > p.y) != (b.y > p.y))
-            .filter(|(a, b)| p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x))
-            .count()
-            % 2
-            == 1
+            .filter(move |(a, b)| (a.y > y) != (b.y > y))
+            .map(move |(a, b)| a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x))
     }
 
     /// Distance to the polygon in metres: 0 inside.

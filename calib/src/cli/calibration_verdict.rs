@@ -3,11 +3,12 @@
 
 use std::path::Path;
 
-use crate::ray_uncertainty::RayUncertainty;
-use crate::vision::chessboard::{CORNER_SIGMA_PX, Calibration};
 use anyhow::bail;
 use image::{Rgb, RgbImage};
 use nalgebra::Point2;
+
+use crate::ray_uncertainty::RayUncertainty;
+use crate::vision::chessboard::{CORNER_SIGMA_PX, Calibration};
 
 /// Residual that is many times what corners are found to, pixels rms.
 const BAD_RMS_PX: f64 = 10.0 * CORNER_SIGMA_PX;

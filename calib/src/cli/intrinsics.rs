@@ -4,14 +4,14 @@ use std::collections::HashSet;
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::picture;
-use crate::vision::chessboard::Chessboard;
 use anyhow::bail;
 use clap::Args;
 use shell::files::Outputs;
 use shell::ranges::SIZE_M;
 
 use super::calibration_verdict::CalibrationVerdict;
+use crate::picture;
+use crate::vision::chessboard::Chessboard;
 
 /// Estimate a camera's intrinsics from pictures of a chessboard.
 #[derive(Args)]

@@ -5,7 +5,6 @@ mod intrinsics;
 mod pose;
 
 use std::io::Write;
-
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};

@@ -3,12 +3,6 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::files::{read_intrinsics, write_together};
-use crate::picture;
-use crate::resection::{
-    Consensus, Pick, mirrored_world, refuse_mirrored_world, resect_by_consensus, resect_with_lens,
-    wrong_from_px,
-};
 use anyhow::{Context, bail};
 use clap::Args;
 use image::Rgb;
@@ -16,6 +10,13 @@ use nalgebra::Point2;
 use serde::Deserialize;
 use shell::files::Outputs;
 use shell::ranges::{PIXELS, ROOM_M, SIDE_PX};
+
+use crate::files::{read_intrinsics, write_together};
+use crate::picture;
+use crate::resection::{
+    Consensus, Pick, mirrored_world, refuse_mirrored_world, resect_by_consensus, resect_with_lens,
+    wrong_from_px,
+};
 
 /// Estimate a camera's pose from known points and their pixels.
 #[derive(Args)]

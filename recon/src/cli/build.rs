@@ -2,15 +2,16 @@
 
 use std::path::PathBuf;
 
-use crate::dense::DenseOptions;
-use crate::pipeline::{self, BuildOptions, BuildReport};
-use crate::project::Project;
-use crate::verdict::{Light, Verdict};
 use anyhow::Context;
 use clap::ValueEnum;
 use shell::console::{Console, ProgressStages};
 use shell::files::Outputs;
 use shell::ranges::THREADS;
+
+use crate::dense::DenseOptions;
+use crate::pipeline::{self, BuildOptions, BuildReport};
+use crate::project::Project;
+use crate::verdict::{Light, Verdict};
 
 /// Build a room directory from a capture project.
 ///

@@ -2,10 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::pipeline::{self, BuildOptions, ReferenceView};
-use crate::project::{PickedPoint, Project};
-use crate::proposals::{self, CameraPair, Correspondence, ProposalOptions};
-use crate::surface::Surface;
 use anyhow::{Context, bail};
 use calib::files::write_together;
 use shell::console::{Console, ProgressStages};
@@ -14,6 +10,10 @@ use shell::ranges::THREADS;
 
 use super::build::Quality;
 use super::picks_page::PageOptions;
+use crate::pipeline::{self, BuildOptions, ReferenceView};
+use crate::project::{PickedPoint, Project};
+use crate::proposals::{self, CameraPair, Correspondence, ProposalOptions};
+use crate::surface::Surface;
 
 /// Distance of a pick from its position by both captures from which on it is reported, pixels.
 const DOUBTFUL_PX: f64 = 6.0;

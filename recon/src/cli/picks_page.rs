@@ -3,11 +3,12 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use shell::files::Outputs;
+use shell::loopback::Protection;
+
 use crate::picks_page::{Server, Session};
 use crate::pipeline::BuildOptions;
 use crate::project::Project;
-use shell::files::Outputs;
-use shell::loopback::Protection;
 
 /// Options of the page.
 #[derive(Debug, clap::Args)]

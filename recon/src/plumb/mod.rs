@@ -18,7 +18,7 @@
 
 pub mod edges;
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 /// Standard deviations σ through which the mode is tracked, degrees; the last is that of an edge's direction.
 const SIGMAS_DEG: [f64; 5] = [4.0, 2.8, 2.0, 1.4, 1.0];
@@ -40,23 +40,7 @@ const TURNED_DEG: f64 = 0.3;
 /// Number of independent clusters up to which their scatter cannot be estimated.
 const UNKNOWNS: f64 = 2.0;
 
-/// Vertical by the edges of one capture.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plumb {
-    /// Unit vector, in the frame of the normals.
-    pub up: Vector3<f64>,
-    /// Covariance of the unit vector; zero along itself.
-    pub covariance: Matrix3<f64>,
-}
-
-impl Plumb {
-    /// The same vertical in another frame.
-    #[must_use]
-    pub fn turned(&self, by: &UnitQuaternion<f64>) -> Self {
-        let turn = by.to_rotation_matrix().into_inner();
-        Self { up: by * self.up, covariance: turn * self.covariance * turn.transpose() }
-    }
-}
+pub use scenes::floor::Plumb;
 
 /// Vertical by the normals of interpretation planes, searched near the unit vector `near`. `None` where too few lines
 /// are plumb.
@@ -134,8 +118,7 @@ fn number(normals: &[Vector3<f64>], up: &Vector3<f64>) -> f64 {
 
 /// Two unit vectors across a unit vector.
 pub(crate) fn tangents(up: &Vector3<f64>) -> Option<Matrix3x2<f64>> {
-    let first = up.cross(&Vector3::ith(up.iamin(), 1.0)).try_normalize(0.0)?;
-    Some(Matrix3x2::from_columns(&[first, up.cross(&first)]))
+    scenes::floor::tangents(up)
 }
 
 /// Support of a tilt by the edges.
@@ -195,7 +178,7 @@ fn covariance(seen: &[(Vector2<f64>, f64)], sigma: f64) -> Option<Matrix2<f64>> 
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use nalgebra::Rotation3;
+    use nalgebra::{Rotation3, UnitQuaternion};
     use rand::{RngExt, SeedableRng};
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;

@@ -3,19 +3,17 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use clap::Args;
+use nalgebra::{Point2, Vector3};
+
 use crate::depth::render;
 use crate::geometry::Geometry;
 use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera, ZoneKind};
 use crate::walkable::{WalkableMap, unreachable};
-use clap::Args;
-use nalgebra::{Point2, Vector3};
 
 /// Width in pixels of the depth map from which the visible share of the room is measured.
 const GLANCE_WIDTH_PX: u32 = 160;
-
-/// Size above which the geometry's unit is more likely the millimetre, metres.
-const MOST_LIKELY_SIZE_M: f32 = 1000.0;
 
 /// Check a room directory and print what is in it.
 ///
@@ -31,6 +29,9 @@ pub(crate) struct Check {
 impl Check {
     pub(crate) fn run(&self, out: &mut impl Write) -> anyhow::Result<()> {
         let room = Room::read(&self.room)?;
+        for warning in room.odd_sizes() {
+            tracing::warn!("{}: {warning}", self.room.display());
+        }
         let scene = room.geometry.as_ref().map(RayScene::new).transpose()?;
         writeln!(out, "room      {}", self.room.display())?;
         for camera in &room.cameras {
@@ -60,7 +61,12 @@ impl Check {
         for warning in unreachable(&room, &walkable) {
             tracing::warn!("{}: {warning}", self.room.display());
         }
-        print_regions(out, &room)
+        print_regions(out, &room)?;
+        if let Some(source) = room.source {
+            let [x, y, z] = source.shift;
+            writeln!(out, "source    imported, moved by {x}, {y}, {z} m")?;
+        }
+        Ok(())
     }
 
     fn print_camera(
@@ -155,9 +161,6 @@ fn print_geometry(out: &mut impl Write, geometry: Option<&Geometry>) -> anyhow::
         return Ok(());
     };
     let size = high - low;
-    if size.max_element() > MOST_LIKELY_SIZE_M {
-        tracing::warn!("the geometry is {:.0} m large; is it in millimetres?", size.max_element());
-    }
     match geometry {
         Geometry::Mesh(mesh) => {
             let (triangles, vertices) = (mesh.triangles.len(), mesh.vertices.len());

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
+use clap::Args;
+use shell::files::Outputs;
+
 use crate::depth::{DepthMap, png, render};
 use crate::raycast::RayScene;
 use crate::room::{self, Room};
-use clap::Args;
-use shell::files::Outputs;
 
 /// Write the depth of a camera's image as 16-bit PNG.
 ///

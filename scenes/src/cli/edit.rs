@@ -3,9 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::editor::{Server, Session};
 use clap::Args;
 use shell::loopback::Protection;
+
+use crate::editor::{Server, Session};
 
 /// Draw a room's entry and exit zones, regions, lines and walkable floor, in the browser, and see them in every camera.
 ///
@@ -44,6 +45,9 @@ impl Edit {
         // The port is bound first: a room may take a while to read.
         let server = Server::bind(&self.host, self.port, &protection)?;
         let session = Session::open(&self.room)?;
+        for warning in session.odd_sizes() {
+            tracing::warn!("{}: {warning}", self.room.display());
+        }
         writeln!(out, "{}: edit it at {} (Ctrl-C ends)", self.room.display(), server.link())?;
         out.flush()?;
         Ok(server.run(session)?)

@@ -50,7 +50,7 @@ impl Command {
             Self::Depth(command) => command.run(),
             Self::Plan(command) => command.run(),
             Self::Edit(command) => command.run(out),
-            Self::Import(command) => command.run(),
+            Self::Import(command) => command.run(out),
             Self::Export(command) => command.run(),
         }
     }

@@ -3,12 +3,13 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use crate::plan::{FloorPlan, PlanOptions};
-use crate::room::{self, Room};
 use clap::Args;
 use image::ImageFormat;
 use shell::files::Outputs;
 use shell::ranges::ROOM_M;
+
+use crate::plan::{FloorPlan, PlanOptions};
+use crate::room::{self, Room};
 
 /// Draw the floor plan of a room: the room from above with the ceiling cut away, its zones and cameras.
 #[derive(Args)]
@@ -32,6 +33,9 @@ impl Plan {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
         Outputs::new([self.out.as_path()]).refuse(room::files_of(&self.room))?;
         let room = Room::read(&self.room)?;
+        for warning in room.odd_sizes() {
+            tracing::warn!("{}: {warning}", self.room.display());
+        }
         if room.geometry.is_none() {
             tracing::warn!(
                 "{}: the room has no geometry: the plan shows its cameras and zones",

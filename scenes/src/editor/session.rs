@@ -217,6 +217,14 @@ impl Session {
         Ok(SaveReply { version: saved.version, merged: saved.is_merged, changed: is_changed, warnings })
     }
 
+    /// Warnings of sizes that no room is likely to have, as [`Room::odd_sizes`].
+    pub fn odd_sizes(&self) -> Vec<String> {
+        let state = self.state();
+        let mut room = state.editor_room.room.clone();
+        state.drawing.clone().put(&mut room);
+        room.odd_sizes()
+    }
+
     fn state(&self) -> MutexGuard<'_, SessionState> {
         // A thread that panics leaves no half-changed state: each change is one assignment of whole values.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)

@@ -8,16 +8,19 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use calib::{Camera, Intrinsics};
-use nalgebra::{Isometry3, Matrix3, Matrix4, Translation3};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Similarity3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json};
 
-use super::{CORNER_PX, camera_name, picture_name};
+use super::selection::{Chosen, NamedAfter, camera_names};
+use super::{
+    CORNER_PX, Model, ModelGeometry, ModelOptions, PicturedCamera, Pictures, picture_name, placement,
+};
 use crate::room::{Room, RoomCamera};
 use crate::{Error, Result};
 
 /// Camera models that ours covers; distortion that a model does not have is zero in the file.
-const MODELS: [&str; 3] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"];
+const MODELS: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
 
 #[derive(Serialize)]
 struct Transforms {
@@ -86,6 +89,9 @@ struct TransformsInput {
     #[serde(flatten)]
     lens: LensInput,
     frames: Vec<FrameInput>,
+    ply_file_path: Option<String>,
+    applied_transform: Option<Vec<Vec<f64>>>,
+    applied_scale: Option<f64>,
     #[serde(flatten)]
     other: Map<String, Json>,
 }
@@ -109,6 +115,10 @@ struct LensInput {
     h: Option<f64>,
     fl_x: Option<f64>,
     fl_y: Option<f64>,
+    /// Angle of view across the picture, radians, in place of `fl_x`…
+    camera_angle_x: Option<f64>,
+    /// …and down it.
+    camera_angle_y: Option<f64>,
     cx: Option<f64>,
     cy: Option<f64>,
     k1: Option<f64>,
@@ -125,13 +135,18 @@ impl LensInput {
         // A frame's own coefficients outweigh the parameters for all frames.
         let states_distortion =
             self.distortion_params.is_some() || self.distortion().iter().any(Option::is_some);
+        // So does a frame's own focal length the angle for all frames, and the other way round.
+        let states_focal = [self.fl_x, self.camera_angle_x].iter().any(Option::is_some);
+        let shared = |value: Option<f64>| value.filter(|_| !states_focal);
         Self {
             camera_model: self.camera_model.or(all.camera_model),
             distortion_params: if states_distortion { self.distortion_params } else { all.distortion_params },
             w: self.w.or(all.w),
             h: self.h.or(all.h),
-            fl_x: self.fl_x.or(all.fl_x),
-            fl_y: self.fl_y.or(all.fl_y),
+            fl_x: self.fl_x.or(shared(all.fl_x)),
+            fl_y: self.fl_y.or(shared(all.fl_y)),
+            camera_angle_x: self.camera_angle_x.or(shared(all.camera_angle_x)),
+            camera_angle_y: self.camera_angle_y.or(shared(all.camera_angle_y)),
             cx: self.cx.or(all.cx),
             cy: self.cy.or(all.cy),
             k1: self.k1.or(all.k1),
@@ -148,13 +163,47 @@ impl LensInput {
         [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2]
     }
 
-    fn intrinsics(self) -> std::result::Result<Intrinsics, String> {
-        let needed = |value: Option<f64>, key: &str| value.ok_or_else(|| format!("`{key}` is missing"));
-        let side = |value: Option<f64>, key: &str| {
-            let pixels = needed(value, key)?;
-            let whole = pixels >= 1.0 && pixels <= f64::from(u32::MAX) && pixels.fract() == 0.0;
-            if whole { Ok(pixels as u32) } else { Err(format!("`{key}` is {pixels}, no image's side")) }
+    /// Width and height, from the file or else from the picture itself.
+    fn size(&self, picture: &str, pictures: &Pictures) -> std::result::Result<(u32, u32), String> {
+        let side = |pixels: f64, key: &str| {
+            let is_whole = pixels >= 1.0 && pixels <= f64::from(u32::MAX) && pixels.fract() == 0.0;
+            if is_whole { Ok(pixels as u32) } else { Err(format!("`{key}` is {pixels}, no image's side")) }
         };
+        match (self.w, self.h) {
+            (Some(w), Some(h)) => Ok((side(w, "w")?, side(h, "h")?)),
+            (w, _) => {
+                let missing = if w.is_none() { "w" } else { "h" };
+                let file = pictures.find(picture).ok_or_else(|| {
+                    format!(
+                        "`{missing}` is missing, and there is no picture to measure; name the pictures' folder with --images"
+                    )
+                })?;
+                calib::picture::size(&file).map_err(|e| format!("`{missing}` is missing, and {e}"))
+            }
+        }
+    }
+
+    /// Focal lengths, pixels, as such or as angles of view.
+    fn focal_lengths(&self, width: u32, height: u32) -> std::result::Result<(f64, f64), String> {
+        let of_angle = |angle: Option<f64>, side: u32, key: &str| match angle {
+            Some(rad) if rad > 0.0 && rad < std::f64::consts::PI => {
+                Ok(Some(0.5 * f64::from(side) / (0.5 * rad).tan()))
+            }
+            Some(rad) => Err(format!("`{key}` is {rad}; it is an angle of view in radians, from 0 to 3.14")),
+            None => Ok(None),
+        };
+        if let Some(fx) = self.fl_x {
+            return Ok((fx, self.fl_y.unwrap_or(fx)));
+        }
+        let across = of_angle(self.camera_angle_x, width, "camera_angle_x")?;
+        let down = of_angle(self.camera_angle_y, height, "camera_angle_y")?;
+        match (across, self.fl_y.or(down)) {
+            (Some(fx), fy) => Ok((fx, fy.unwrap_or(fx))),
+            (None, _) => Err("`fl_x` is missing, and so is `camera_angle_x`".into()),
+        }
+    }
+
+    fn intrinsics(self, picture: &str, pictures: &Pictures) -> std::result::Result<Intrinsics, String> {
         if let Some(model) = self.camera_model.as_deref().filter(|m| !MODELS.contains(m)) {
             return Err(format!("the `camera_model` {model} is not known here; undistort the pictures"));
         }
@@ -170,17 +219,18 @@ impl LensInput {
         if k4 != 0.0 {
             return Err("`k4` is not known here; undistort the pictures".into());
         }
-        let fx = needed(self.fl_x, "fl_x")?;
-        let distortion = [k1, k2, p1, p2, k3];
-        let intrinsics = Intrinsics {
-            width: side(self.w, "w")?,
-            height: side(self.h, "h")?,
-            fx,
-            fy: self.fl_y.unwrap_or(fx),
-            cx: needed(self.cx, "cx")? - CORNER_PX,
-            cy: needed(self.cy, "cy")? - CORNER_PX,
-            distortion: distortion.into(),
+        let (width, height) = self.size(picture, pictures)?;
+        let (fx, fy) = self.focal_lengths(width, height)?;
+        // Files with an angle of view need no principal point: it is the middle.
+        let center = |value: Option<f64>, side: u32, key: &str| match value {
+            Some(pixels) => Ok(pixels),
+            None if self.fl_x.is_none() => Ok(0.5 * f64::from(side)),
+            None => Err(format!("`{key}` is missing")),
         };
+        let (cx, cy) = (center(self.cx, width, "cx")?, center(self.cy, height, "cy")?);
+        let distortion = [k1, k2, p1, p2, k3].into();
+        let intrinsics =
+            Intrinsics { width, height, fx, fy, cx: cx - CORNER_PX, cy: cy - CORNER_PX, distortion };
         intrinsics.validate().map_err(|e| e.to_string())?;
         Ok(intrinsics)
     }
@@ -210,12 +260,55 @@ impl FrameInput {
     }
 }
 
-/// Reads the cameras of a `transforms.json`, in its order, named after their pictures. Its world has to be the room's:
-/// metres, Z up, the floor at z = 0.
+impl TransformsInput {
+    /// Way from the file's world to the one before `applied_transform` and `applied_scale`.
+    ///
+    /// # Errors
+    /// The key, and the problem with it.
+    fn original_from_file(&self) -> std::result::Result<Similarity3<f64>, (&'static str, String)> {
+        let scale = self.applied_scale.unwrap_or(1.0);
+        if !(scale > 0.0 && scale.is_finite()) {
+            return Err(("applied_scale", format!("{scale} is no scale; correct or remove it")));
+        }
+        let Some(rows) = &self.applied_transform else {
+            return Ok(Similarity3::from_scaling(1.0 / scale));
+        };
+        let wrong = |problem: String| ("applied_transform", problem);
+        if rows.len() < 3 || rows.len() > 4 || rows.iter().any(|row| row.len() != 4) {
+            return Err(wrong("it has not 3 rows of 4 numbers".into()));
+        }
+        let rotation = calib::rotation::from_matrix(&Matrix3::from_fn(|r, c| rows[r][c]))
+            .map_err(|e| wrong(e.to_string()))?;
+        let translation = Vector3::from_fn(|r, _| rows[r][3]);
+        if !translation.iter().all(|t| t.is_finite()) {
+            return Err(wrong("a number is not finite".into()));
+        }
+        // The file's points are applied_scale · (applied_transform · original).
+        let back = rotation.inverse();
+        Ok(Similarity3::from_parts((-(back * translation)).into(), back, 1.0 / scale))
+    }
+
+    /// Geometry that the file names, unless it is not there.
+    fn geometry(&self, path: &Path, model_from_file: Similarity3<f64>) -> ModelGeometry {
+        let Some(named) = &self.ply_file_path else { return ModelGeometry::None };
+        let file = path.with_file_name("").join(named);
+        if file.is_file() {
+            return ModelGeometry::File { path: file, model_from_file };
+        }
+        tracing::warn!(
+            "{}: `ply_file_path`: there is no file {}, so the room gets no geometry; name one with --geometry",
+            path.display(),
+            file.display()
+        );
+        ModelGeometry::None
+    }
+}
+
+/// Reads a `transforms.json`: its cameras, named after their pictures, and the geometry that it names.
 ///
 /// # Errors
 /// [`Error::Calib`] when the file cannot be read, [`Error::Content`] naming the frame and its problem.
-pub fn read(path: &Path) -> Result<Vec<RoomCamera>> {
+pub fn read(path: &Path, options: &ModelOptions) -> Result<Model> {
     let text = calib::files::read_text(path)?;
     let input: TransformsInput = serde_json::from_str(&text).map_err(|e| {
         let place = if e.line() > 0 {
@@ -232,18 +325,29 @@ pub fn read(path: &Path) -> Result<Vec<RoomCamera>> {
     if input.frames.is_empty() {
         return Err(Error::content(path, "frames", "there is none; no camera was placed"));
     }
-    let cameras: Result<Vec<RoomCamera>> = input
-        .frames
-        .iter()
-        .zip(1..)
-        .map(|(frame, number)| {
-            let wrong =
-                |problem| Error::content(path, format!("frame {number} (`{}`)", frame.file_path), problem);
+    let model_from_file = if options.undo_applied {
+        input.original_from_file().map_err(|(key, problem)| Error::content(path, key, problem))?
+    } else {
+        Similarity3::identity()
+    };
+    let names: Vec<String> = input.frames.iter().map(|frame| frame.file_path.clone()).collect();
+    let chosen = options.selection.choose(path, &names, camera_names(&names, NamedAfter::File))?;
+    // Paths count from the file's folder; a folder of pictures that the user names comes first.
+    let mut pictures = options.pictures.clone();
+    pictures.folders.push(path.with_file_name(""));
+    let cameras: Result<Vec<PicturedCamera>> = chosen
+        .into_iter()
+        .map(|Chosen { index, name }| {
+            let frame = &input.frames[index];
+            let place = format!("frame {} (`{}`)", index + 1, frame.file_path);
+            let wrong = |problem| Error::content(path, place.as_str(), problem);
             sort_out(&frame.other, &mut unread).map_err(|(_, problem)| wrong(problem))?;
-            let intrinsics = frame.lens.clone().or(input.lens.clone()).intrinsics().map_err(wrong)?;
+            let lens = frame.lens.clone().or(input.lens.clone());
+            let intrinsics = lens.intrinsics(&frame.file_path, &pictures).map_err(wrong)?;
             let camera = Camera { intrinsics, camera_from_world: frame.pose().map_err(wrong)? };
-            let picture = Path::new(&frame.file_path).file_name().unwrap_or_default().to_string_lossy();
-            Ok(RoomCamera { name: camera_name(&picture), camera, reference: None })
+            let camera = placement::placed(&camera, &model_from_file);
+            let entry = RoomCamera { name, camera, reference: None };
+            Ok(PicturedCamera { picture: frame.file_path.clone(), entry })
         })
         .collect();
     let cameras = cameras?;
@@ -251,16 +355,18 @@ pub fn read(path: &Path) -> Result<Vec<RoomCamera>> {
         let keys: Vec<String> = unread.into_iter().map(|key| format!("`{key}`")).collect();
         tracing::warn!("{}: not read: {}", path.display(), keys.join(", "));
     }
-    Ok(cameras)
+    if let Some(scale) = input.applied_scale.filter(|scale| *scale != 1.0 && !options.undo_applied) {
+        tracing::warn!(
+            "{}: `applied_scale` is {scale}: the file's unit is no longer that of its source; --undo-applied brings it back",
+            path.display()
+        );
+    }
+    Ok(Model { cameras, geometry: input.geometry(path, model_from_file) })
 }
 
 /// Keys that do not change where a frame's points are seen.
-const HARMLESS: [&str; 24] = [
+const HARMLESS: [&str; 19] = [
     "aabb_scale",
-    "applied_scale",
-    "applied_transform",
-    "camera_angle_x",
-    "camera_angle_y",
     "centroid",
     "colmap_im_id",
     "depth_file_path",
@@ -272,7 +378,6 @@ const HARMLESS: [&str; 24] = [
     "name",
     "offset",
     "orientation_override",
-    "ply_file_path",
     "scale",
     "sharpness",
     "test_filenames",

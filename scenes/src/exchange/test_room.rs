@@ -9,7 +9,7 @@ use crate::room::{Room, RoomCamera};
 use crate::view::look_at;
 
 /// A floor of 6 by 5 m, seen by `cameras` cameras that stand around it and look at its middle.
-pub(super) fn room(cameras: usize) -> Room {
+pub(crate) fn room(cameras: usize) -> Room {
     let camera = |i: usize| {
         let angle = 0.7 + 1.9 * i as f64;
         let eye = Point3::new(3.0 + 3.0 * angle.cos(), 2.5 + 2.5 * angle.sin(), 2.4 + 0.1 * i as f64);

@@ -1,16 +1,23 @@
 //! Geometry of a room: triangles, or discs around oriented points. World coordinates, metres.
 
-pub(crate) mod cloud;
 mod defect;
+pub mod files;
+pub mod gltf;
+mod las;
+mod meshed;
 mod normals;
+mod obj;
 pub mod ply;
 pub(crate) mod sample;
+pub mod scan;
 mod shape_hash;
 mod spacing;
+mod texture;
+mod thinning;
 mod triangulate;
 
 use glam::Vec3;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 /// A room's static geometry.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +80,20 @@ impl Geometry {
         match self {
             Self::Mesh(mesh) => mesh.vertices.iter().copied().fold(None, grow),
             Self::Discs(discs) => discs.iter().map(|d| d.center).fold(None, grow),
+        }
+    }
+
+    /// Moves and turns all surfaces.
+    pub fn transform(&mut self, b_from_a: &Isometry3<f64>) {
+        let moved = |place: Vec3| vec3_from_point(&(b_from_a * point_from_vec3(place)));
+        match self {
+            Self::Mesh(mesh) => mesh.vertices.iter_mut().for_each(|vertex| *vertex = moved(*vertex)),
+            Self::Discs(discs) => {
+                for disc in discs {
+                    disc.center = moved(disc.center);
+                    disc.normal = vec3_from_vector(&(b_from_a * vector_from_vec3(disc.normal))).normalize();
+                }
+            }
         }
     }
 

@@ -4,8 +4,10 @@ mod drawing;
 mod edit;
 mod geo;
 mod marking;
+mod odd_sizes;
 mod read;
 mod scene_file;
+mod source;
 #[cfg(test)]
 mod tests;
 mod validate;
@@ -24,6 +26,7 @@ pub use edit::{Drawing, Edited, EditedDrawing, OnConflict, SavedDrawing, SceneVe
 pub use geo::Geo;
 pub use marking::{Line, Region};
 pub use read::{Markings, files_of, read_markings};
+pub use source::Source;
 
 /// Name of the file of a room directory that names all others.
 pub const SCENE_FILE: &str = "scene.toml";
@@ -43,6 +46,8 @@ pub struct Room {
     pub lines: Vec<Line>,
     /// Place of the room on Earth, if stated.
     pub geo: Option<Geo>,
+    /// What an import did to the world of its source, if it moved it.
+    pub source: Option<Source>,
     /// Regions where a person can stand, if stated; otherwise they are derived from the geometry.
     pub walkable: Option<Vec<Polygon>>,
     /// Geometry of the room; without it the room hides nothing.

@@ -91,6 +91,7 @@ pub(super) fn room_without_geometry(path: &Path, text: &str) -> Result<(Room, Op
         regions: file.region,
         lines: file.line,
         geo: file.geo,
+        source: file.source,
         walkable: file.floor.and_then(|floor| floor.walkable),
         ..Room::default()
     };

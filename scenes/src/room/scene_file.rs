@@ -7,7 +7,7 @@ use calib::{Camera, Distortion, Intrinsics};
 use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 
-use super::{Geo, Line, Region, Room, RoomCamera, Zone};
+use super::{Geo, Line, Region, Room, RoomCamera, Source, Zone};
 use crate::polygon::Polygon;
 
 /// The only version of the format.
@@ -29,6 +29,8 @@ pub(super) struct SceneFile {
     pub(super) floor: Option<FloorTable>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) geo: Option<Geo>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) source: Option<Source>,
     #[serde(default)]
     pub(super) camera: Vec<CameraTable>,
     // An empty `zone = []` would forbid that a table is appended by hand.
@@ -105,6 +107,7 @@ impl SceneFile {
             region: room.regions.clone(),
             line: room.lines.clone(),
             geo: room.geo,
+            source: room.source,
         }
     }
 }

@@ -42,6 +42,7 @@ fn room() -> Room {
             name: "till".into(),
             points: vec![Point2::new(0.0, 1.0 / 3.0), Point2::new(2.0, 0.0), Point2::new(2.5, 1.0)],
         }],
+        source: Some(super::Source { shift: [-500_000.0, 0.5, 0.0] }),
         geo: Some(Geo { latitude: 52.516_274_1, longitude: -0.1, heading: 271.25 }),
         walkable: Some(vec![rectangle(-5.0), rectangle(-2.5)]),
         geometry: Some(Geometry::Discs(vec![Disc {

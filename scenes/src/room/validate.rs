@@ -54,6 +54,9 @@ impl Room {
         if let Some(problem) = self.geo.and_then(|geo| geo.defect()) {
             return Some(("geo".into(), problem));
         }
+        if let Some(problem) = self.source.and_then(|source| source.defect()) {
+            return Some(("source".into(), problem));
+        }
         let geometry = self.geometry.as_ref()?;
         if geometry.is_empty() {
             return Some((

@@ -8,6 +8,10 @@ use crate::polygon::Polygon;
 
 /// Largest number of cells a side: a room of 100 m has cells of 5 cm.
 const MOST_CELLS_A_SIDE: f64 = 2000.0;
+/// Extent from which on a room is rather one in another unit than the metre …
+const VAST_M: f64 = 1000.0;
+/// … and the largest number of cells of its side: people wait for the warning, not for the map.
+const MOST_CELLS_OF_VAST: f64 = 400.0;
 
 /// Square cells on the floor, each set or not.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +40,8 @@ impl Grid {
         if !(extent.x.is_finite() && extent.y.is_finite() && extent.x >= 0.0 && extent.y >= 0.0) {
             return None;
         }
-        let cell_m = cell_m.max(extent.max() / MOST_CELLS_A_SIDE);
+        let most = if extent.max() > VAST_M { MOST_CELLS_OF_VAST } else { MOST_CELLS_A_SIDE };
+        let cell_m = cell_m.max(extent.max() / most);
         let cells = |length: f64| (length / cell_m).ceil().max(1.0) as usize;
         let (columns, rows) = (cells(extent.x), cells(extent.y));
         Some(Self { origin: low, cell_m, columns, rows, bits: vec![false; columns * rows] })
@@ -90,7 +95,8 @@ impl Grid {
         (0..self.bits.len()).filter(|&i| self.bits[i])
     }
 
-    /// Sets the cells whose middle lies in a polygon.
+    /// Sets the cells whose middle lies in a polygon, row by row: where a row's middle line crosses the outline is found
+    /// once, so that outlines of many corners take no longer than they must.
     pub(super) fn fill(&mut self, polygon: &Polygon) {
         let (low, high) = polygon.bounds();
         let cell = |p: f64, origin: f64, count: usize| {
@@ -98,9 +104,19 @@ impl Grid {
         };
         let columns = cell(low.x, self.origin.x, self.columns)..=cell(high.x, self.origin.x, self.columns);
         for row in cell(low.y, self.origin.y, self.rows)..=cell(high.y, self.origin.y, self.rows) {
+            let first = row * self.columns;
+            let mut crossings = polygon.crossings_at(self.center(first).y);
+            crossings.sort_by(f64::total_cmp);
+            // A place is inside where an odd number of crossings lie to its right.
+            let mut left = crossings.as_slice();
             for column in columns.clone() {
-                let index = row * self.columns + column;
-                self.bits[index] = self.bits[index] || polygon.contains(&self.center(index));
+                let x = self.center(first + column).x;
+                while let [nearest, rest @ ..] = left
+                    && *nearest <= x
+                {
+                    left = rest;
+                }
+                self.bits[first + column] |= left.len() % 2 == 1;
             }
         }
     }
@@ -230,6 +246,26 @@ mod tests {
         // A continent has larger cells, not more.
         let vast = Grid::around([(Point2::origin(), Point2::new(1e7, 10.0))], 0.05).unwrap();
         assert!(vast.bits.len() <= 4000);
+    }
+
+    #[test]
+    fn filling_sets_the_cells_whose_middles_are_inside() {
+        let mut rng = Pcg64Mcg::seed_from_u64(7);
+        for corners in [3, 4, 7, 40, 500] {
+            // Outlines that cross themselves and leave the grid.
+            let corner = |_| Point2::new(2.4 * rng.random::<f64>() - 1.4, 2.0 * rng.random::<f64>() + 1.6);
+            let polygon = Polygon((0..corners).map(corner).collect());
+            let mut grid = random(0.1, 9);
+            let before = grid.clone();
+            grid.fill(&polygon);
+            for i in 0..grid.bits.len() {
+                assert_eq!(
+                    grid.bits[i],
+                    before.bits[i] || polygon.contains(&grid.center(i)),
+                    "{corners} {i}"
+                );
+            }
+        }
     }
 
     #[test]

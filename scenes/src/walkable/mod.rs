@@ -27,7 +27,8 @@ pub use warnings::unreachable;
 /// Options of the derivation of a walkable map from geometry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WalkableOptions {
-    /// Side of a cell, metres. Grows with very large rooms, so that no side has more than 2000 cells.
+    /// Side of a cell, metres. Grows with very large rooms, so that no side has more than 2000 cells; 400 from a kilometre
+    /// on.
     pub cell_m: f64,
     /// Height around z = 0 within which surfaces that face up or down are floor, metres.
     pub floor_tolerance_m: f64,
@@ -131,7 +132,9 @@ impl WalkableMap {
     /// Tells whether a person can stand somewhere in a region of the floor.
     pub fn reaches_into(&self, region: &Polygon) -> bool {
         let Some(grid) = &self.grid else { return true };
-        (0..grid.bits.len()).any(|cell| grid.bits[cell] && region.contains(&grid.center(cell)))
+        let mut inside = grid.cleared();
+        inside.fill(region);
+        inside.set_cells().any(|cell| grid.bits[cell])
     }
 
     /// Tells whether a person can stand somewhere on a line of straight pieces.

@@ -13,6 +13,13 @@ pub(super) const BAND_M: f64 = 0.1;
 const FLOOR_NORMAL_Z: f32 = 0.8;
 /// Spacing of the samples from which the floor's extent is found, metres.
 const COARSE_SPACING_M: f32 = 0.25;
+/// Number of such samples up to which the spacing stays …
+const MOST_COARSE_SAMPLES: f64 = 1e6;
+/// … and of those that fill the grid: a room in millimetres has a million times a room's area.
+const MOST_SAMPLES: f64 = 2e8;
+/// Distance from the floor beyond which a region is left out of the grid, metres: the cells would become too large for
+/// the room itself.
+const FARTHEST_M: f64 = 300.0;
 /// Share of the floor's area that is cut off at each end of x and y: strays far away must not enlarge the grid.
 const CUT_OFF: f64 = 0.002;
 /// Border around the remaining floor, metres.
@@ -38,13 +45,16 @@ impl Survey {
         include: &[(Point2<f64>, Point2<f64>)],
         options: &WalkableOptions,
     ) -> Option<Self> {
-        let extent = extent(geometry, options)?;
-        let empty = Grid::around(include.iter().copied().chain([extent]), options.cell_m)?;
+        let area_m2 = area_m2(geometry);
+        let extent = extent(geometry, spacing(COARSE_SPACING_M, area_m2, MOST_COARSE_SAMPLES), options)?;
+        let include = include.iter().copied().filter(|region| gap_m(region, &extent) <= FARTHEST_M);
+        let empty = Grid::around(include.chain([extent]), options.cell_m)?;
         let mut floor_m2 = vec![0.0_f32; empty.bits.len()];
         let mut obstructing_m2 = vec![0.0_f32; empty.bits.len()];
         let mut height_bands = vec![0_u32; empty.bits.len()];
         let (ankle, head) = (options.ankle_m as f32, options.head_m as f32);
-        each_sample(geometry, 0.5 * empty.cell_m as f32, &mut |p, normal, area| {
+        let fine = spacing(0.5 * empty.cell_m as f32, area_m2, MOST_SAMPLES);
+        each_sample(geometry, fine, &mut |p, normal, area| {
             let Some(i) = empty.index_of(&Point2::new(f64::from(p.x), f64::from(p.y))) else { return };
             if is_floor(p, normal, options) {
                 floor_m2[i] += area;
@@ -63,11 +73,42 @@ fn is_floor(p: Vec3, normal: Vec3, options: &WalkableOptions) -> bool {
     p.z.abs() <= options.floor_tolerance_m as f32 && normal.z.abs() >= FLOOR_NORMAL_Z
 }
 
+/// Area of all surfaces, square metres.
+fn area_m2(geometry: &Geometry) -> f64 {
+    match geometry {
+        Geometry::Mesh(mesh) => {
+            let area = |triangle: &[u32; 3]| {
+                let [a, b, c] = mesh.corners(*triangle).map(|corner| corner.as_dvec3());
+                0.5 * (b - a).cross(c - a).length()
+            };
+            mesh.triangles.iter().map(area).sum()
+        }
+        Geometry::Discs(discs) => {
+            discs.iter().map(|disc| std::f64::consts::PI * f64::from(disc.radius).powi(2)).sum()
+        }
+    }
+}
+
+/// The spacing that is wanted, or the one at which the area takes no more than `most` samples.
+fn spacing(wanted_m: f32, area_m2: f64, most: f64) -> f32 {
+    wanted_m.max((area_m2 / most).sqrt() as f32)
+}
+
+/// Distance between two boxes, metres; 0 where they meet.
+fn gap_m(a: &(Point2<f64>, Point2<f64>), b: &(Point2<f64>, Point2<f64>)) -> f64 {
+    let along = |axis: usize| (a.0[axis] - b.1[axis]).max(b.0[axis] - a.1[axis]).max(0.0);
+    along(0).hypot(along(1))
+}
+
 /// Bounds of the floor, without strays far away.
-fn extent(geometry: &Geometry, options: &WalkableOptions) -> Option<(Point2<f64>, Point2<f64>)> {
+fn extent(
+    geometry: &Geometry,
+    spacing_m: f32,
+    options: &WalkableOptions,
+) -> Option<(Point2<f64>, Point2<f64>)> {
     let (mut floor, mut all) = (Vec::new(), Vec::new());
     let mut floor_m2 = 0.0;
-    each_sample(geometry, COARSE_SPACING_M, &mut |p, normal, area| {
+    each_sample(geometry, spacing_m, &mut |p, normal, area| {
         let sample = (p.truncate(), f64::from(area));
         if is_floor(p, normal, options) {
             floor.push(sample);

@@ -1,5 +1,6 @@
 """Writes the models that scenes/src/exchange/colmap is tested on, with pycolmap (4.2.1 wrote those that are kept), and
-where pycolmap itself projects their points: colmap_binary/, colmap_text/, colmap.json beside this file.
+where pycolmap itself projects their points: colmap_binary/, colmap_text/, colmap.json beside this file. Those named
+colmap_rig are a model with rigs and frames, and the poses of its pictures.
 
     pip install pycolmap numpy && python colmap.py
 """
@@ -70,3 +71,41 @@ expected = {
     },
 }
 (HERE / "colmap.json").write_text(json.dumps(expected, indent=1) + "\n")
+
+
+# A rig of two cameras at two moments: images.* repeat the poses that frames.* and rigs.* state.
+def pose(axis, angle, place):
+    return pycolmap.Rigid3d(
+        pycolmap.Rotation3d(np.append(np.sin(angle / 2) * np.array(axis), np.cos(angle / 2))), np.array(place)
+    )
+
+
+def sensor(number):
+    return pycolmap.sensor_t(type=pycolmap.SensorType.CAMERA, id=number)
+
+
+rigged = pycolmap.Reconstruction()
+for number, (lens, parameters) in enumerate([LENSES[0], LENSES[2]], start=1):
+    rigged.add_camera(pycolmap.Camera(camera_id=number, model=lens, width=640, height=480, params=parameters))
+rig = pycolmap.Rig(rig_id=4)
+rig.add_ref_sensor(sensor(1))
+rig.add_sensor(sensor(2), pose([0, 1, 0], 0.6, [0.1, 0.2, 0.3]))
+rigged.add_rig(rig)
+for moment in range(2):
+    frame = pycolmap.Frame(
+        frame_id=moment + 1, rig_id=4, rig_from_world=pose([0, 0, 1], 0.4 * moment, [1.0 + moment, 2.0, 3.0])
+    )
+    for number in (1, 2):
+        frame.add_data_id(pycolmap.data_t(sensor(number), 10 * moment + number))
+    rigged.add_frame(frame)
+    for number in (1, 2):
+        image = pycolmap.Image(name=f"eye{number}/{moment}.jpg", camera_id=number, image_id=10 * moment + number)
+        image.frame_id = moment + 1
+        rigged.add_image(image)
+    rigged.register_frame(moment + 1)
+for folder, write in (("colmap_rig_binary", rigged.write_binary), ("colmap_rig_text", rigged.write_text)):
+    target = HERE / folder
+    target.mkdir(exist_ok=True)
+    write(target)
+poses = {image.name: image.cam_from_world().matrix().tolist() for image in rigged.images.values()}
+(HERE / "colmap_rig.json").write_text(json.dumps(poses, indent=1, sort_keys=True) + "\n")

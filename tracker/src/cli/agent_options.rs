@@ -1,10 +1,9 @@
 //! Options of the distributed agents, for all stations in one process and for one station a process.
 
+use super::sampler::SamplerArguments;
 use crate::method::agents::modern::ModernOptions;
 use crate::method::agents::published::PublishedOptions;
 use crate::method::agents::{AgentsOptions, RuleOptions};
-
-use super::sampler::SamplerArguments;
 
 /// Options of the agents, the same for all stations.
 pub(super) fn options(

@@ -7,6 +7,15 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel}
 use std::thread;
 use std::time::Duration;
 
+use anyhow::{Context, bail};
+use clap::Args;
+use scenes::room::Room;
+use shell::console::Progress;
+use shell::ranges::TIME_S;
+
+use super::outputs;
+use super::publish::{PublishArguments, Published};
+use super::sampler::SamplerArguments;
 use crate::foreground::Verdict;
 use crate::gathering::LeftOut;
 use crate::method::agents::{SoloStation, StationId};
@@ -18,15 +27,6 @@ use crate::tracks::{Stopwatch, TrackFiles};
 use crate::wire::mesh::{Membership, OwnClock};
 use crate::wire::{Endpoints, Fingerprint, Mesh};
 use crate::{CameraFrame, PersonEstimate};
-use anyhow::{Context, bail};
-use clap::Args;
-use scenes::room::Room;
-use shell::console::Progress;
-use shell::ranges::TIME_S;
-
-use super::outputs;
-use super::publish::{PublishArguments, Published};
-use super::sampler::SamplerArguments;
 
 /// Time without a picture after which a live station reports to others that it is blind.
 const BLIND: Duration = Duration::from_secs(1);

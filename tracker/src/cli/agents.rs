@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use crate::method::agents::simulate::{self, Layout, Options, Site, World};
 use anyhow::bail;
 use clap::{Args, Subcommand, ValueEnum};
 use shell::console::Console;
 use shell::ranges::COUNT;
+
+use crate::method::agents::simulate::{self, Layout, Options, Site, World};
 
 /// Simulate the distributed vision agents.
 #[derive(Debug, Args)]

@@ -2,10 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::Error;
-use crate::foreground::backdrop::Backdrop;
-use crate::foreground::{ForegroundOptions, InitialBackground};
-use crate::source::{NamedSource, VideoSource, sampling};
 use anyhow::bail;
 use calib::video::FrameSource;
 use calib::vision::AdaptiveKind;
@@ -13,6 +9,10 @@ use clap::Args;
 use shell::ranges::INTERVAL_S;
 
 use super::outputs::paths_of;
+use crate::Error;
+use crate::foreground::backdrop::Backdrop;
+use crate::foreground::{ForegroundOptions, InitialBackground};
+use crate::source::{NamedSource, VideoSource, sampling};
 
 /// Source of the background.
 #[derive(Debug, Clone, PartialEq, Eq)]

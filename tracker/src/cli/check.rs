@@ -3,16 +3,6 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use crate::doctor::Finding;
-use crate::doctor::film_times::{self, FilmTimes};
-use crate::doctor::views::{self, EmptyScene, ViewReport};
-use crate::film::FilmOptions;
-use crate::foreground::backdrop::Backdrop;
-use crate::method::Needs;
-use crate::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
-use crate::run::offsets_of_recordings;
-use crate::source::{self, NamedSource, NamedSources, sampling};
-use crate::station::{Pace, PictureDemand};
 use calib::video::FrameSource;
 use clap::Args;
 use rayon::prelude::*;
@@ -23,6 +13,16 @@ use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::input;
 use super::stations::{Drawing, StationBuilder};
+use crate::doctor::Finding;
+use crate::doctor::film_times::{self, FilmTimes};
+use crate::doctor::views::{self, EmptyScene, ViewReport};
+use crate::film::FilmOptions;
+use crate::foreground::backdrop::Backdrop;
+use crate::method::Needs;
+use crate::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
+use crate::run::offsets_of_recordings;
+use crate::source::{self, NamedSource, NamedSources, sampling};
+use crate::station::{Pace, PictureDemand};
 
 /// Offset between two films' people that is told, seconds.
 const SHIFTED_S: f64 = 0.12;

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use crate::gathering::ClockAlignment;
-use crate::source::times::DEFAULT_RATE;
-use crate::source::{CameraSource, CaptureTimes, Times};
 use anyhow::bail;
 use calib::video::FrameSource;
 use clap::Args;
 use shell::ranges::TIME_S;
+
+use crate::gathering::ClockAlignment;
+use crate::source::times::DEFAULT_RATE;
+use crate::source::{CameraSource, CaptureTimes, Times};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Times")]

@@ -1,10 +1,11 @@
 //! Colours of detections, for `tracker link --video`.
 
-use crate::link::{Detections, colours};
 use anyhow::bail;
 use calib::video::FrameSource;
 use image::RgbImage;
 use shell::console::Console;
+
+use crate::link::{Detections, colours};
 
 /// Sets the colours of detections from the video in which they were found, and returns its rate, frames a second.
 pub(super) fn look_at_video(

@@ -2,9 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::detect::train::{self, Labelled, TrainOptions};
-use crate::detect::{self, DetectOptions, Detector};
-use crate::tracks::rows::RowFile;
 use anyhow::{Context, bail};
 use calib::video::FrameSource;
 use clap::{Args, Subcommand};
@@ -13,6 +10,9 @@ use shell::console::Console;
 use shell::ranges::{SOME_FRAMES, THREADS};
 
 use super::outputs;
+use crate::detect::train::{self, Labelled, TrainOptions};
+use crate::detect::{self, DetectOptions, Detector};
+use crate::tracks::rows::RowFile;
 
 /// Detect people in a video, for `tracker link`.
 ///

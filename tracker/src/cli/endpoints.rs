@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::wire::{Endpoint, Endpoints, Tls};
 use anyhow::bail;
 use clap::Args;
+
+use crate::wire::{Endpoint, Endpoints, Tls};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Network")]

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
+use scenes::room;
+
+use super::outputs;
 use crate::eval::{
     DetectionCurve, EvalOptions, Evaluation, FrameRange, FrameSelection, JudgedArea, JudgedRows, Protocol,
     Sequences, align, plots,
 };
 use crate::tracks::rows::RowFile;
-use scenes::room;
-
-use super::outputs;
 
 /// Evaluate tracks against the truth: MOTA, MOTP, MODA, IDF1, HOTA, errors in metres, calibration.
 ///

@@ -1,12 +1,12 @@
 //! Options of a run's events.
 
-use crate::events::{Clock, EventFileOptions};
-use crate::source::NamedSource;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use scenes::room::Room;
 
 use super::start::Start;
+use crate::events::{Clock, EventFileOptions};
+use crate::source::NamedSource;
 
 /// Whether a run writes its events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

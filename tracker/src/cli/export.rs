@@ -3,11 +3,12 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use crate::export::{geojson, mcap};
-use crate::tracks::files_of_run;
 use anyhow::bail;
 use scenes::room::{self, Room};
 use shell::files::Outputs;
+
+use crate::export::{geojson, mcap};
+use crate::tracks::files_of_run;
 
 /// Write a finished run in the formats of other programs.
 ///

@@ -1,8 +1,9 @@
 //! Options of the head filters.
 
+use clap::Args;
+
 use crate::method::condensation::CondensationOptions;
 use crate::method::condensation::integration::Integration;
-use clap::Args;
 
 /// Options of the head filters on the command line.
 #[derive(Debug, Args)]

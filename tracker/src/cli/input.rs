@@ -4,6 +4,12 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
+use anyhow::bail;
+use scenes::room::Room;
+
+use super::clocks::Clocks;
+use super::run_arguments::RunArgs;
+use super::stations::StationBuilder;
 use crate::doctor::film_times::{self, FilmTimes};
 use crate::doctor::views;
 use crate::gathering::ClockAlignment;
@@ -13,12 +19,6 @@ use crate::run::search_offsets;
 use crate::source::{self, CameraSource, CaptureTimes, VideoSource};
 use crate::station::{self, Event, Permits, Port, Station};
 use crate::wire::{Downlink, Endpoints, ExpectedCamera, ExpectedStations, Fingerprint};
-use anyhow::bail;
-use scenes::room::Room;
-
-use super::clocks::Clocks;
-use super::run_arguments::RunArgs;
-use super::stations::StationBuilder;
 
 /// Longest wait for stations on other machines.
 const STATIONS_WITHIN: Duration = Duration::from_mins(1);

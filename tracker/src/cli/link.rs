@@ -2,10 +2,6 @@
 
 use std::path::PathBuf;
 
-use crate::chart;
-use crate::link::tune::{TuneOptions, cross_validate};
-use crate::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};
-use crate::tracks::rows::RowFile;
 use anyhow::{Context, bail};
 use clap::{Subcommand, ValueEnum};
 use shell::console::Console;
@@ -13,6 +9,10 @@ use shell::files::Outputs;
 
 use super::colours;
 use super::outputs::{OutputLock, paths_of, refuse_inputs};
+use crate::chart;
+use crate::link::tune::{TuneOptions, cross_validate};
+use crate::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};
+use crate::tracks::rows::RowFile;
 
 /// Link the detections of a whole recording to the tracks of least total cost.
 ///

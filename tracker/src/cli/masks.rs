@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use crate::foreground::{Foreground, Verdict};
-use crate::source::{CaptureTimes, NamedSource, Times, VideoSource};
 use anyhow::{Context, bail};
 use calib::picture;
 use calib::video::FrameSource;
@@ -14,6 +12,8 @@ use shell::ranges::RATE_HZ;
 
 use super::background::BackgroundArguments;
 use super::outputs::{self, OutputLock};
+use crate::foreground::{Foreground, Verdict};
+use crate::source::{CaptureTimes, NamedSource, Times, VideoSource};
 
 /// Write the foreground masks of videos as pictures, to look at or to use with `tracker run --masks`.
 ///

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::source::NamedSource;
 use shell::files::{FolderLock, OutputError, Outputs};
+
+use crate::source::NamedSource;
 
 /// Paths of what a source reads: a file, or a folder and what is in it. Streams and devices have names of no file.
 pub(super) fn paths_of(spec: &str) -> Vec<PathBuf> {

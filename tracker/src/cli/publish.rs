@@ -3,6 +3,10 @@
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
+use clap::{Args, ValueEnum};
+use scenes::room::Room;
+use shell::ranges::WAITING;
+
 use crate::Error;
 use crate::events::Clock;
 use crate::prepared_room::PreparedRoom;
@@ -11,9 +15,6 @@ use crate::publish::mqtt::{
     BrokerAddress, BrokerTls, Credentials, MqttOptions, MqttOutput, PeopleForm, PublishOptions,
 };
 use crate::run::Output;
-use clap::{Args, ValueEnum};
-use scenes::room::Room;
-use shell::ranges::WAITING;
 
 /// Form of the messages of people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

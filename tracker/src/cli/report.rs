@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::report::{self, ReportOptions, ReportSources};
-use crate::tracks::files_of_run;
 use scenes::room;
 
 use super::outputs;
+use crate::report::{self, ReportOptions, ReportSources};
+use crate::tracks::files_of_run;
 
 /// Write one self-contained page about a run: floor plan with all trajectories, film stills with predicted occlusion,
 /// visibility over time, evaluation, time per stage.

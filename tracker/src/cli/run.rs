@@ -5,6 +5,17 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+use anyhow::{Context, bail};
+use scenes::room::Room;
+use shell::console::Console;
+
+use super::input::{RunSources, Started};
+use super::interrupt;
+use super::outputs::{self, OutputLock};
+use super::run_arguments::{MethodName, RunArgs};
+use super::serve::{RoomService, room_outputs};
+use super::stations::{Drawing, StationBuilder};
+use super::view;
 use crate::events::{self, Clock, EventFiles};
 use crate::film::{Film, FilmOptions};
 use crate::foreground::Verdict;
@@ -20,17 +31,6 @@ use crate::station::{Pace, PictureDemand};
 use crate::tracks::TrackFiles;
 use crate::view::{LiveDrawer, Screens, Server};
 use crate::wire::Downlink;
-use anyhow::{Context, bail};
-use scenes::room::Room;
-use shell::console::Console;
-
-use super::input::{RunSources, Started};
-use super::interrupt;
-use super::outputs::{self, OutputLock};
-use super::run_arguments::{MethodName, RunArgs};
-use super::serve::{RoomService, room_outputs};
-use super::stations::{Drawing, StationBuilder};
-use super::view;
 
 /// Runs the subcommand, or the run of a room of a service.
 pub(super) fn run_as(

@@ -2,13 +2,6 @@
 
 use std::path::PathBuf;
 
-use crate::method::Method;
-use crate::method::agents::Agents;
-use crate::method::condensation::Condensation;
-use crate::method::mcmc::Mcmc;
-use crate::prepared_room::{PreparedRoom, WORKING_WIDTH_PX};
-use crate::source::{NamedSource, NamedSources};
-use crate::wire::Endpoint;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use scenes::room;
@@ -23,6 +16,13 @@ use super::outputs;
 use super::publish::PublishArguments;
 use super::sampler::SamplerArguments;
 use super::view::ViewArguments;
+use crate::method::Method;
+use crate::method::agents::Agents;
+use crate::method::condensation::Condensation;
+use crate::method::mcmc::Mcmc;
+use crate::prepared_room::{PreparedRoom, WORKING_WIDTH_PX};
+use crate::source::{NamedSource, NamedSources};
+use crate::wire::Endpoint;
 
 /// Tracking methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

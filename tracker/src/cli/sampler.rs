@@ -1,10 +1,11 @@
 //! Options of the MCMC sampler.
 
-use crate::likelihood::LikelihoodRule;
-use crate::method::mcmc::{Acceptance, McmcOptions};
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use shell::ranges::shown;
+
+use crate::likelihood::LikelihoodRule;
+use crate::method::mcmc::{Acceptance, McmcOptions};
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum LikelihoodName {

@@ -4,9 +4,10 @@ use std::path::Path;
 use std::str::FromStr;
 use std::time::SystemTime;
 
+use anyhow::{Context, bail};
+
 use crate::events::Clock;
 use crate::source::NamedSource;
-use anyhow::{Context, bail};
 
 /// Source of the time of day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,12 +4,6 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use crate::film::FilmOptions;
-use crate::method::Needs;
-use crate::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
-use crate::source::{self, NamedSource, NamedSources};
-use crate::station::{Event, Pace, Permits, PictureDemand};
-use crate::wire::{Endpoint, Fingerprint, Hello, Uplink};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use scenes::room::{self, Room};
@@ -21,6 +15,12 @@ use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
 use super::stations::{Drawing, StationBuilder};
 use super::{interrupt, outputs};
+use crate::film::FilmOptions;
+use crate::method::Needs;
+use crate::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
+use crate::source::{self, NamedSource, NamedSources};
+use crate::station::{Event, Pace, Permits, PictureDemand};
+use crate::wire::{Endpoint, Fingerprint, Hello, Uplink};
 
 /// Longest wait of a recording's station for its gatherer.
 const GATHERER_WITHIN: Duration = Duration::from_mins(10);

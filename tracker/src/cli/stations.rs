@@ -2,6 +2,12 @@
 
 use std::path::Path;
 
+use anyhow::{Context, bail};
+use calib::video::FrameSource;
+use image::RgbImage;
+use rayon::prelude::*;
+
+use super::background::BackgroundArguments;
 use crate::Error;
 use crate::doctor::views::EmptyScene;
 use crate::film::FilmOptions;
@@ -11,12 +17,6 @@ use crate::method::Needs;
 use crate::prepared_room::{PreparedCamera, PreparedRoom};
 use crate::source::{CameraSource, CaptureTimes, VideoSource};
 use crate::station::{LiveStation, Masks, Observer, Pace, PictureDemand, RecordedStation, Station, Work};
-use anyhow::{Context, bail};
-use calib::video::FrameSource;
-use image::RgbImage;
-use rayon::prelude::*;
-
-use super::background::BackgroundArguments;
 
 /// Options of the films or the page, and the demand for their pictures.
 #[derive(Clone)]

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::prepared_room::PreparedRoom;
-use crate::view::{RoomPage, Screens, Server};
 use clap::Args;
 use scenes::room::Room;
 use shell::loopback::{Listener, Protection};
+
+use crate::prepared_room::PreparedRoom;
+use crate::view::{RoomPage, Screens, Server};
 
 /// Options of the page.
 #[derive(Debug, Args)]

@@ -6,10 +6,6 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use crate::method::agents::{AgencyRecord, Overview, Packet, StationId};
-use crate::tracks::AgentsFile;
-use crate::wire::mesh::{Membership, OwnClock};
-use crate::wire::{Endpoint, Fingerprint, Mesh};
 use anyhow::Context;
 use clap::Args;
 use scenes::room::{self, Room};
@@ -17,6 +13,10 @@ use shell::ranges::INTERVAL_S;
 
 use super::endpoints::EndpointArguments;
 use super::{interrupt, outputs};
+use crate::method::agents::{AgencyRecord, Overview, Packet, StationId};
+use crate::tracks::AgentsFile;
+use crate::wire::mesh::{Membership, OwnClock};
+use crate::wire::{Endpoint, Fingerprint, Mesh};
 
 /// Longest wait for packets.
 const TICK: Duration = Duration::from_millis(100);

@@ -2,13 +2,6 @@
 
 use std::path::PathBuf;
 
-use crate::foreground::InitialBackground;
-use crate::method::Method;
-use crate::method::condensation::Condensation;
-use crate::method::condensation::integration::Integration;
-use crate::prepared_room::{PreparationOptions, PreparedRoom};
-use crate::source::{self, NamedSource, NamedSources, VideoSource};
-use crate::{CameraFrame, Moment};
 use anyhow::{Context, bail};
 use clap::Args;
 use image::RgbImage;
@@ -18,6 +11,13 @@ use shell::ranges::{BODY_M, FRAME_NUMBER};
 use super::background::BackgroundArguments;
 use super::heads::HeadArguments;
 use super::outputs;
+use crate::foreground::InitialBackground;
+use crate::method::Method;
+use crate::method::condensation::Condensation;
+use crate::method::condensation::integration::Integration;
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
+use crate::source::{self, NamedSource, NamedSources, VideoSource};
+use crate::{CameraFrame, Moment};
 
 /// Draw the weights of heads over a horizontal plane, for one frame and each integration.
 ///

@@ -1,6 +1,7 @@
 //! `cameras.bin`, `images.bin` and `points3D.bin` of a COLMAP model: little endian, without a magic number.
 
-use super::model::{Defect, MODELS, ModelCamera, ModelImage, ModelPoint};
+use super::model::{Defect, MODELS, ModelCamera, ModelImage, ModelPoint, ModelPose};
+use super::rigs::{Frame, FrameImage, Rig, Sensor};
 
 type Parsed<T> = Result<T, Defect>;
 
@@ -46,6 +47,21 @@ impl<'a> Bytes<'a> {
     fn f64(&mut self) -> Parsed<f64> {
         Ok(f64::from_le_bytes(self.take()?))
     }
+
+    fn pose(&mut self) -> Parsed<ModelPose> {
+        let mut numbers = [0.0; 7];
+        for number in &mut numbers {
+            *number = self.f64()?;
+        }
+        Ok(ModelPose::of_numbers(numbers))
+    }
+
+    /// A sensor: whether it is a camera, and its number.
+    fn sensor(&mut self) -> Parsed<(bool, u32)> {
+        /// Number of the sensor type "camera"; others are no source of pictures.
+        const CAMERA: u32 = 0;
+        Ok((self.u32()? == CAMERA, self.u32()?))
+    }
 }
 
 pub(super) fn cameras(bytes: &[u8]) -> Parsed<Vec<ModelCamera>> {
@@ -78,14 +94,13 @@ pub(super) fn pictures(bytes: &[u8]) -> Parsed<Vec<ModelImage>> {
     let mut pictures = Vec::new();
     for i in 1..=count {
         bytes.place = format!("image {i} of {count}");
-        bytes.u32()?;
-        let rotation = [bytes.f64()?, bytes.f64()?, bytes.f64()?, bytes.f64()?];
-        let translation = [bytes.f64()?, bytes.f64()?, bytes.f64()?];
+        let id = u64::from(bytes.u32()?);
+        let pose = bytes.pose()?;
         let camera = bytes.u32()?;
         let name = String::from_utf8_lossy(bytes.until_zero()?).into_owned();
         let sightings = bytes.u64()?;
         bytes.skip(sightings, SIGHTING_BYTES)?;
-        pictures.push(ModelImage { name, camera, rotation, translation });
+        pictures.push(ModelImage { id, name, camera, pose });
     }
     Ok(pictures)
 }
@@ -107,4 +122,51 @@ pub(super) fn points(bytes: &[u8]) -> Parsed<Vec<ModelPoint>> {
         points.push(ModelPoint { place, color });
     }
     Ok(points)
+}
+
+pub(super) fn rigs(bytes: &[u8]) -> Parsed<Vec<Rig>> {
+    let mut bytes = Bytes { left: bytes, place: "number of rigs".into() };
+    let count = bytes.u64()?;
+    let mut rigs = Vec::new();
+    for i in 1..=count {
+        bytes.place = format!("rig {i} of {count}");
+        let (id, sensors) = (bytes.u32()?, bytes.u32()?);
+        let mut rig = Rig { id, cameras: Vec::new() };
+        for number in 0..sensors {
+            let (is_camera, camera) = bytes.sensor()?;
+            // The first one is the rig's own frame.
+            let pose = if number == 0 {
+                Some(ModelPose::IDENTITY)
+            } else if bytes.take::<1>()? == [0] {
+                None
+            } else {
+                Some(bytes.pose()?)
+            };
+            if is_camera {
+                rig.cameras.push(Sensor { camera, pose });
+            }
+        }
+        rigs.push(rig);
+    }
+    Ok(rigs)
+}
+
+pub(super) fn frames(bytes: &[u8]) -> Parsed<Vec<Frame>> {
+    let mut bytes = Bytes { left: bytes, place: "number of frames".into() };
+    let count = bytes.u64()?;
+    let mut frames = Vec::new();
+    for i in 1..=count {
+        bytes.place = format!("frame {i} of {count}");
+        let (id, rig) = (bytes.u32()?, bytes.u32()?);
+        let mut frame = Frame { id, rig, pose: bytes.pose()?, images: Vec::new() };
+        for _ in 0..bytes.u32()? {
+            let (is_camera, camera) = bytes.sensor()?;
+            let image = bytes.u64()?;
+            if is_camera {
+                frame.images.push(FrameImage { camera, image });
+            }
+        }
+        frames.push(frame);
+    }
+    Ok(frames)
 }

@@ -18,8 +18,16 @@ pub(super) struct ModelCamera {
 /// A picture and its pose.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ModelImage {
+    pub(super) id: u64,
     pub(super) name: String,
     pub(super) camera: u32,
+    /// Camera from world.
+    pub(super) pose: ModelPose,
+}
+
+/// A rigid transform as the model has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ModelPose {
     /// w, x, y, z.
     pub(super) rotation: [f64; 4],
     pub(super) translation: [f64; 3],
@@ -79,10 +87,19 @@ impl ModelCamera {
             "RADIAL" => (p[0], p[0], p[1], p[2], [p[3], p[4], 0.0, 0.0, 0.0]),
             "OPENCV" => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], 0.0]),
             "FULL_OPENCV" if p[9..] == [0.0; 3] => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], p[8]]),
+            // Without their bend these are pinholes, too.
+            "SIMPLE_DIVISION" if p[3] == 0.0 => (p[0], p[0], p[1], p[2], [0.0; 5]),
+            "DIVISION" | "FOV" if p[4] == 0.0 => (p[0], p[1], p[2], p[3], [0.0; 5]),
+            "EUCM" if p[4] == 0.0 => (p[0], p[1], p[2], p[3], [0.0; 5]),
             EQUIRECTANGULAR => {
                 return Err(format!(
                     "the model {EQUIRECTANGULAR} is not known here; cut the pictures into perspective ones before"
                 ));
+            }
+            "FULL_OPENCV" => {
+                return Err("the model FULL_OPENCV with k4, k5 or k6 is not known here; estimate the lens as OPENCV, or make pinhole \
+                            pictures with `colmap image_undistorter`"
+                    .into());
             }
             name => {
                 return Err(format!(
@@ -100,8 +117,14 @@ impl ModelCamera {
     }
 }
 
-impl ModelImage {
-    pub(super) fn pose(&self) -> Result<Isometry3<f64>, String> {
+impl ModelPose {
+    pub(super) const IDENTITY: Self = Self { rotation: [1.0, 0.0, 0.0, 0.0], translation: [0.0; 3] };
+
+    pub(super) fn of_numbers([w, x, y, z, tx, ty, tz]: [f64; 7]) -> Self {
+        Self { rotation: [w, x, y, z], translation: [tx, ty, tz] }
+    }
+
+    pub(super) fn isometry(&self) -> Result<Isometry3<f64>, String> {
         let [w, x, y, z] = self.rotation;
         let quaternion = Quaternion::new(w, x, y, z);
         if !((quaternion.norm() - 1.0).abs() < 1e-3 && self.translation.iter().all(|t| t.is_finite())) {

@@ -2,7 +2,8 @@
 
 use std::str::{FromStr, SplitWhitespace};
 
-use super::model::{Defect, MODELS, ModelCamera, ModelImage, ModelPoint};
+use super::model::{Defect, MODELS, ModelCamera, ModelImage, ModelPoint, ModelPose};
+use super::rigs::{Frame, FrameImage, Rig, Sensor};
 
 type Parsed<T> = Result<T, Defect>;
 
@@ -24,6 +25,19 @@ impl<'a> Words<'a> {
     fn number<T: FromStr>(&mut self, what: &str) -> Parsed<T> {
         let word = self.word(what)?;
         word.parse().map_err(|_| self.wrong(format!("`{word}` is no {what}")))
+    }
+
+    fn pose(&mut self) -> Parsed<ModelPose> {
+        let mut numbers = [0.0; 7];
+        for value in &mut numbers {
+            *value = self.number("number of a pose")?;
+        }
+        Ok(ModelPose::of_numbers(numbers))
+    }
+
+    /// A sensor: whether it is a camera, and its number.
+    fn sensor(&mut self) -> Parsed<(bool, u32)> {
+        Ok((self.word("sensor type")? == "CAMERA", self.number("sensor number")?))
     }
 }
 
@@ -64,12 +78,8 @@ pub(super) fn pictures(text: &str) -> Parsed<Vec<ModelImage>> {
             continue;
         }
         let mut words = Words { line, words: text.split_whitespace() };
-        let _: u32 = words.number("image number")?;
-        let mut numbers = [0.0; 7];
-        for value in &mut numbers {
-            *value = words.number("number of a pose")?;
-        }
-        let [w, x, y, z, tx, ty, tz] = numbers;
+        let id = u64::from(words.number::<u32>("image number")?);
+        let pose = words.pose()?;
         let camera = words.number("camera number")?;
         // A name may hold spaces.
         let mut name = words.word("name")?.to_owned();
@@ -77,7 +87,7 @@ pub(super) fn pictures(text: &str) -> Parsed<Vec<ModelImage>> {
             name.push(' ');
             name.push_str(word);
         }
-        pictures.push(ModelImage { name, camera, rotation: [w, x, y, z], translation: [tx, ty, tz] });
+        pictures.push(ModelImage { id, name, camera, pose });
         if let Some((line, text)) = lines.next() {
             check_sightings(line, text)?;
         }
@@ -113,4 +123,45 @@ pub(super) fn points(text: &str) -> Parsed<Vec<ModelPoint>> {
             Ok(ModelPoint { place, color })
         })
         .collect()
+}
+
+pub(super) fn rigs(text: &str) -> Parsed<Vec<Rig>> {
+    let rig = |(line, text): (usize, &str)| {
+        let mut words = Words { line, words: text.split_whitespace() };
+        let (id, sensors) = (words.number("rig number")?, words.number::<u32>("number of sensors")?);
+        let mut rig = Rig { id, cameras: Vec::new() };
+        for number in 0..sensors {
+            let (is_camera, camera) = words.sensor()?;
+            // The first one is the rig's own frame.
+            let pose = if number == 0 {
+                Some(ModelPose::IDENTITY)
+            } else if words.number::<u8>("0 or 1 for a sensor's pose")? == 0 {
+                None
+            } else {
+                Some(words.pose()?)
+            };
+            if is_camera {
+                rig.cameras.push(Sensor { camera, pose });
+            }
+        }
+        Ok(rig)
+    };
+    lines(text).filter(|(_, line)| !line.is_empty()).map(rig).collect()
+}
+
+pub(super) fn frames(text: &str) -> Parsed<Vec<Frame>> {
+    let frame = |(line, text): (usize, &str)| {
+        let mut words = Words { line, words: text.split_whitespace() };
+        let (id, rig) = (words.number("frame number")?, words.number("rig number")?);
+        let mut frame = Frame { id, rig, pose: words.pose()?, images: Vec::new() };
+        for _ in 0..words.number::<u32>("number of pictures")? {
+            let (is_camera, camera) = words.sensor()?;
+            let image = words.number("image number")?;
+            if is_camera {
+                frame.images.push(FrameImage { camera, image });
+            }
+        }
+        Ok(frame)
+    };
+    lines(text).filter(|(_, line)| !line.is_empty()).map(frame).collect()
 }

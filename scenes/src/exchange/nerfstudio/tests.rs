@@ -1,8 +1,14 @@
 //! Cameras there and back, lenses in each of their forms, and what is refused.
 
 use super::*;
-use crate::exchange::test_room;
+use crate::exchange::{Selection, test_room};
 use nalgebra::{Point3, Vector4};
+
+/// The cameras of a file.
+fn read(path: &Path) -> Result<Vec<RoomCamera>> {
+    let model = super::read(path, &ModelOptions::default())?;
+    Ok(model.cameras.into_iter().map(|camera| camera.entry).collect())
+}
 
 #[test]
 fn points_fall_where_the_room_sees_them() {
@@ -138,4 +144,136 @@ fn defects_of_transforms_are_named() {
     std::fs::write(&path, "{\"frames\": []}").unwrap();
     assert!(read(&path).unwrap_err().to_string().contains("no camera"));
     assert!(read(&folder.path().join("nowhere.json")).unwrap_err().to_string().contains("nowhere"));
+}
+
+/// Reads the file with options.
+fn read_with(path: &Path, text: &str, options: &ModelOptions) -> std::result::Result<Model, String> {
+    std::fs::write(path, text).unwrap();
+    super::read(path, options).map_err(|e| e.to_string())
+}
+
+#[test]
+fn angles_of_view_are_focal_lengths_and_the_picture_tells_its_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms_train.json");
+    // As NeRF's synthetic scenes are: no size, no principal point, no extension.
+    let text = r#"{"camera_angle_x": 0.6911112070083618, "frames": [{"file_path": "./train/r_0", "rotation": 0.01,
+        "transform_matrix": [[1,0,0,0],[0,0,-1,0],[0,1,0,2],[0,0,0,1]]}]}"#;
+    let said = read_with(&path, text, &ModelOptions::default()).unwrap_err();
+    assert!(said.contains("`w` is missing") && said.contains("--images"), "{said}");
+    std::fs::create_dir(folder.path().join("train")).unwrap();
+    image::RgbImage::new(80, 60).save(folder.path().join("train/r_0.png")).unwrap();
+    let lens = |text: &str| {
+        let model = read_with(&path, text, &ModelOptions::default())?;
+        Ok(model.cameras[0].entry.camera.intrinsics.clone())
+    };
+    let found: std::result::Result<_, String> = lens(text);
+    // The published scenes' focal length is 1111.111 px at 800 px: 0.5 · 800 / tan(0.5 · 0.6911…).
+    let found = found.unwrap();
+    assert!((found.fx - 111.111_03).abs() < 1e-4 && found.fx == found.fy, "{found:?}");
+    assert_eq!((found.width, found.height, found.cx, found.cy), (80, 60, 39.5, 29.5));
+    let both =
+        lens(&text.replace("\"frames\"", "\"camera_angle_y\": 1.5707963267948966, \"frames\"")).unwrap();
+    assert!((both.fy - 30.0).abs() < 1e-9 && (both.fx - found.fx).abs() < 1e-12, "{both:?}");
+    let said = lens(&text.replace("0.6911112070083618", "39.6")).unwrap_err();
+    assert!(said.contains("`camera_angle_x` is 39.6") && said.contains("radians"), "{said}");
+    // A focal length outweighs the angle; a frame's own lens that of the file.
+    let own =
+        text.replace("\"rotation\": 0.01", "\"fl_x\": 70, \"cx\": 41, \"cy\": 29, \"w\": 90, \"h\": 50");
+    let own = lens(&own).unwrap();
+    assert_eq!((own.width, own.height, own.fx, own.fy, own.cx), (90, 50, 70.0, 70.0, 40.5));
+}
+
+#[test]
+fn equal_file_names_in_several_folders_are_two_cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let frame = SHARED[SHARED.find("{\"file_path\"").unwrap()..SHARED.rfind(']').unwrap()].to_owned();
+    let text = SHARED.replace(
+        &frame,
+        &format!("{frame}, {}, {}", frame.replace("images/", "rear/"), frame.replace("left", "mid")),
+    );
+    let names = |entries: &[&str]| {
+        let selection = Selection { entries: entries.iter().map(|e| (*e).to_owned()).collect() };
+        let model = read_with(&path, &text, &ModelOptions { selection, ..ModelOptions::default() })?;
+        Ok(model.cameras.into_iter().map(|c| (c.entry.name, c.picture)).collect::<Vec<_>>())
+    };
+    let named = |name: &str, picture: &str| (name.to_owned(), picture.to_owned());
+    let all: std::result::Result<_, String> = names(&[]);
+    assert_eq!(
+        all.unwrap(),
+        [
+            named("images_left", "images/left.png"),
+            named("rear_left", "rear/left.png"),
+            named("mid", "images/mid.png")
+        ]
+    );
+    assert_eq!(names(&["back=rear/left.png"]).unwrap(), [named("back", "rear/left.png")]);
+    assert!(names(&["left"]).unwrap_err().contains("2 pictures"));
+}
+
+#[test]
+fn frames_that_are_not_chosen_need_no_lens_of_ours() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let fisheye = SHARED
+        .replace("\"transform_matrix\"", "\"camera_model\": \"OPENCV_FISHEYE\", \"transform_matrix\"")
+        .replace("left", "wide");
+    let frame = fisheye[fisheye.find("{\"file_path\"").unwrap()..fisheye.rfind(']').unwrap()].to_owned();
+    let text = SHARED.replace("\"frames\": [", &format!("\"frames\": [{frame}, "));
+    assert!(
+        read_with(&path, &text, &ModelOptions::default())
+            .unwrap_err()
+            .contains("frame 1 (`images/wide.png`)")
+    );
+    let selection = Selection { entries: vec!["left".into()] };
+    let model = read_with(&path, &text, &ModelOptions { selection, ..ModelOptions::default() }).unwrap();
+    assert_eq!(model.cameras[0].entry.name, "left");
+}
+
+#[test]
+fn applied_transforms_are_undone_where_it_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let original = read_with(&path, SHARED, &ModelOptions::default()).unwrap().cameras.remove(0).entry.camera;
+    // What `ns-process-data` does to COLMAP's world, and a scale: y becomes −z, z becomes y.
+    let (applied, scale) = (Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0), 0.25);
+    let offset = Vector3::new(0.5, -2.0, 3.0);
+    let pose = original.camera_from_world.inverse();
+    let (turned, moved) = (
+        applied * pose.rotation.to_rotation_matrix().matrix(),
+        (applied * pose.translation.vector + offset) * scale,
+    );
+    let rows: Vec<[f64; 4]> =
+        (0..3).map(|r| [turned[(r, 0)], -turned[(r, 1)], -turned[(r, 2)], moved[r]]).collect();
+    let text = SHARED.replace("[[1,0,0,0],[0,0,-1,0],[0,1,0,2],[0,0,0,1]]", &format!("{rows:?}")).replace(
+        "\"frames\"",
+        "\"applied_scale\": 0.25, \"applied_transform\": [[1,0,0,0.5],[0,0,1,-2],[0,-1,0,3]], \"ply_file_path\": \"sparse.ply\", \"frames\"",
+    );
+    let undone = ModelOptions { undo_applied: true, ..ModelOptions::default() };
+    let model = read_with(&path, &text, &undone).unwrap();
+    let off = model.cameras[0].entry.camera.camera_from_world * original.camera_from_world.inverse();
+    assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-9, "{off}");
+    assert!(matches!(model.geometry, ModelGeometry::None), "there is no sparse.ply");
+    // The points' file is in the same world as the frames.
+    std::fs::write(folder.path().join("sparse.ply"), "ply").unwrap();
+    let ModelGeometry::File { model_from_file, path: file } =
+        read_with(&path, &text, &undone).unwrap().geometry
+    else {
+        panic!("the file is there")
+    };
+    assert_eq!(file, folder.path().join("sparse.ply"));
+    let place = Point3::new(0.3, 4.0, -1.0);
+    let in_file = Point3::from((applied * place.coords + offset) * scale);
+    assert!((model_from_file * in_file - place).norm() < 1e-9);
+    let kept = read_with(&path, &text, &ModelOptions::default()).unwrap();
+    assert!((kept.cameras[0].entry.camera.center().coords - moved).norm() < 1e-9);
+    for (from, to, word) in [
+        ("\"applied_scale\": 0.25", "\"applied_scale\": 0", "applied_scale"),
+        ("[0,-1,0,3]", "[0,1,0,3]", "applied_transform"),
+        ("[0,-1,0,3]", "[0,-1,3]", "applied_transform"),
+    ] {
+        let said = read_with(&path, &text.replace(from, to), &undone).unwrap_err();
+        assert!(said.contains(word), "{said}");
+    }
 }

@@ -5,14 +5,14 @@ mod tests;
 
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
 use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType};
 
 use super::header::{self, FACES, STRIPS, VERTICES};
-use super::row::{CORNERS, FaceRow, SkippedRow, StripRow, VertexRow};
+use super::row::{FaceRow, SkippedRow, StripRow};
 use super::strips::{self, END_OF_STRIP};
-use crate::geometry::{Disc, Geometry, Mesh, normals, spacing, triangulate};
+use crate::geometry::Geometry;
+use crate::geometry::scan::{Defect, Placing, Scan, ScanVertex};
 use crate::{Error, Result};
 
 /// Reads a room's geometry from a PLY file, ASCII or binary.
@@ -20,35 +20,36 @@ use crate::{Error, Result};
 /// # Errors
 /// [`Error::Io`], or [`Error::Content`] naming the element and its problem.
 pub fn read(path: &Path) -> Result<Geometry> {
-    read_with(path, None, DVec3::ZERO)
-}
-
-/// [`read`] for clouds that may lack normals: they are estimated, each towards the nearest of the viewpoints. All
-/// positions are moved by `shift_m` before they are rounded to single precision.
-///
-/// # Errors
-/// As [`read`].
-pub fn read_seen_from(path: &Path, viewpoints: &[Vec3], shift_m: DVec3) -> Result<Geometry> {
-    read_with(path, Some(viewpoints), shift_m)
-}
-
-fn read_with(path: &Path, viewpoints: Option<&[Vec3]>, shift_m: DVec3) -> Result<Geometry> {
     let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
-    decode(&bytes, viewpoints, shift_m).map_err(|(place, problem)| Error::Content {
-        path: path.to_owned(),
-        place,
-        problem,
-    })
+    decode(&bytes).map_err(|(place, problem)| Error::Content { path: path.to_owned(), place, problem })
 }
 
-/// Defect of a file: the place and the problem.
-type Defect = (String, String);
 type Decoded<T> = std::result::Result<T, Defect>;
 
-/// Greatest coordinate, metres: beyond it neighbouring numbers of single precision are more than a millimetre apart.
-const FARTHEST_M: f64 = 10_000.0;
+/// Geometry of a room's file, which needs normals where it has no faces.
+fn decode(bytes: &[u8]) -> Decoded<Geometry> {
+    let (scan, header) = scan_and_header(bytes)?;
+    if scan.is_cloud() {
+        let why =
+            "a cloud without faces needs normals; `scenes import` estimates them, with the cameras given";
+        require(&header, "vertex", &["nx", "ny", "nz"], why)?;
+    }
+    scan.into_geometry(&Placing::default())
+}
 
-fn decode(bytes: &[u8], viewpoints: Option<&[Vec3]>, shift_m: DVec3) -> Decoded<Geometry> {
+/// Vertices and faces of a file, ASCII or binary, in the file's world.
+///
+/// # Errors
+/// The first defect of the file: its place, and the problem.
+pub(crate) fn scan(bytes: &[u8]) -> Decoded<Scan> {
+    let (scan, header) = scan_and_header(bytes)?;
+    if scan.has_normals && scan.is_cloud() {
+        require(&header, "vertex", &["nx", "ny", "nz"], "a normal has three numbers")?;
+    }
+    Ok(scan)
+}
+
+fn scan_and_header(bytes: &[u8]) -> Decoded<(Scan, Header)> {
     if bytes.is_empty() {
         return Err(("whole file".into(), "the file is empty; write it again".into()));
     }
@@ -65,31 +66,37 @@ fn decode(bytes: &[u8], viewpoints: Option<&[Vec3]>, shift_m: DVec3) -> Decoded<
     let (mut vertices, mut faces, mut strips) = (Vec::new(), Vec::new(), Vec::new());
     for element in header.elements.values() {
         match element.name.as_str() {
-            VERTICES => vertices = rows::<VertexRow>(&mut reader, element, &header)?,
+            VERTICES => vertices = rows::<ScanVertex>(&mut reader, element, &header)?,
             FACES => faces = rows::<FaceRow>(&mut reader, element, &header)?,
             STRIPS => strips = rows::<StripRow>(&mut reader, element, &header)?,
             _ => drop(rows::<SkippedRow>(&mut reader, element, &header)?),
         }
     }
     require(&header, "vertex", &["x", "y", "z"], "a room's geometry needs positions")?;
-    shift(&mut vertices, shift_m)?;
-    let geometry = if faces.is_empty() && strips.is_empty() {
-        if let Some(viewpoints) = viewpoints.filter(|_| !has(&header, "vertex", "nx")) {
-            face(&mut vertices, viewpoints)?;
-        } else {
-            let why =
-                "a cloud without faces needs normals; `scenes import` estimates them, with the cameras given";
-            require(&header, "vertex", &["nx", "ny", "nz"], why)?;
-        }
-        Geometry::Discs(discs(&vertices, has(&header, "vertex", "radius"))?)
-    } else {
-        Geometry::Mesh(mesh(&vertices, &faces, &strips)?)
+    let scan = Scan {
+        polygons: faces.into_iter().map(|face| face.corners).collect(),
+        triangles: triangles_of(&strips, vertices.len())?,
+        has_normals: has(&header, "vertex", "nx"),
+        has_radii: has(&header, "vertex", "radius"),
+        full_level: full_level(&header, &vertices),
+        vertices,
     };
-    if geometry.is_empty() {
-        let problem = "there are no points; leave `geometry` out of scene.toml if the room is empty";
-        return Err(("element vertex".into(), problem.into()));
-    }
-    geometry.defect().map_or(Ok(geometry), Err)
+    Ok((scan, header))
+}
+
+/// Brightest level of a file's colours: 1 for numbers with fractions, 255 or 65535 for whole ones, unless the colours
+/// themselves go beyond that.
+fn full_level(header: &Header, vertices: &[ScanVertex]) -> f32 {
+    let of_type = |element: &ElementDef| match element.properties.get("red").map(|p| &p.data_type) {
+        Some(PropertyType::Scalar(ScalarType::Float | ScalarType::Double)) => 1.0,
+        _ => 255.0,
+    };
+    let usual = header.elements.get(VERTICES).map_or(255.0, of_type);
+    let brightest = vertices.iter().flat_map(|vertex| vertex.color).fold(0.0, f32::max);
+    [1.0, 255.0, 65_535.0]
+        .into_iter()
+        .find(|level| *level >= usual && *level >= brightest)
+        .unwrap_or(65_535.0)
 }
 
 /// Refuses a file that is too short for the sizes in its header, before memory is allocated for it.
@@ -160,95 +167,18 @@ fn require(header: &Header, element: &str, properties: &[&str], why: &str) -> De
     }
 }
 
-/// Moves the vertices, and checks that they lie near enough to the origin.
-fn shift(rows: &mut [VertexRow], shift_m: DVec3) -> Decoded<()> {
-    for (i, row) in rows.iter_mut().enumerate() {
-        let moved = DVec3::from(row.position) + shift_m;
-        // A number too large for single precision is none; the checks of the geometry name it.
-        if moved.as_vec3().is_finite() && moved.abs().max_element() > FARTHEST_M {
-            let nearby = (moved / 1000.0).floor() * 1000.0;
-            let problem = format!(
-                "lies at ({:.0}, {:.0}, {:.0}), more than 10 km from the origin, where a millimetre is lost: move geometry \
-                 and cameras to the origin, as with `scenes import … --shift={},{},0`",
-                moved.x, moved.y, moved.z, -nearby.x, -nearby.y
-            );
-            return Err((format!("vertex {i}"), problem));
-        }
-        row.position = moved.to_array();
-    }
-    Ok(())
-}
-
-fn position(row: &VertexRow) -> Vec3 {
-    DVec3::from(row.position).as_vec3()
-}
-
-/// Estimates the normals of a bare cloud.
-fn face(rows: &mut [VertexRow], viewpoints: &[Vec3]) -> Decoded<()> {
-    let centers: Vec<Vec3> = rows.iter().map(position).collect();
-    if let Some(i) = centers.iter().position(|center| !center.is_finite()) {
-        return Err(not_finite(i));
-    }
-    for (row, normal) in rows.iter_mut().zip(normals::estimate(&centers, viewpoints)) {
-        row.normal = normal.to_array();
-    }
-    Ok(())
-}
-
-fn not_finite(vertex: usize) -> Defect {
-    (format!("vertex {vertex}"), "a number is not finite; remove the point".into())
-}
-
-fn discs(rows: &[VertexRow], radius_given: bool) -> Decoded<Vec<Disc>> {
-    let mut discs = Vec::with_capacity(rows.len());
-    for (i, row) in rows.iter().enumerate() {
-        let (center, normal) = (position(row), Vec3::from(row.normal));
-        if !(center.is_finite() && normal.is_finite()) {
-            return Err(not_finite(i));
-        }
-        // `Geometry::defect` reports zero normals.
-        let normal = normal.try_normalize().unwrap_or(Vec3::ZERO);
-        // A confidence that is not finite counts as 0: no computation depends on it, so the file is not refused.
-        let confidence = if row.confidence.is_finite() { row.confidence } else { 0.0 };
-        let VertexRow { radius, color, filled, .. } = *row;
-        discs.push(Disc { center, normal, radius, color, filled, confidence });
-    }
-    if !radius_given {
-        let centers: Vec<Vec3> = discs.iter().map(|d| d.center).collect();
-        for (disc, radius) in discs.iter_mut().zip(spacing::radii(&centers)) {
-            disc.radius = radius;
-        }
-    }
-    Ok(discs)
-}
-
-fn mesh(rows: &[VertexRow], faces: &[FaceRow], strips: &[StripRow]) -> Decoded<Mesh> {
-    let mut mesh = Mesh {
-        vertices: rows.iter().map(position).collect(),
-        triangles: Vec::with_capacity(faces.len()),
-        colors: rows.iter().map(|row| row.color).collect(),
-    };
-    for (i, face) in faces.iter().enumerate() {
-        let place = || format!("face {i}");
-        if face.corners.len() < 3 {
-            let problem = format!("has {} corners in `{}`; a face needs 3", face.corners.len(), CORNERS[0]);
-            return Err((place(), problem));
-        }
-        if let Some(&index) = face.corners.iter().find(|&&index| index as usize >= rows.len()) {
-            let named = if index == u32::MAX { "a negative index".into() } else { format!("vertex {index}") };
-            return Err((place(), format!("names {named}, but there are {} (counted from 0)", rows.len())));
-        }
-        triangulate::face(&face.corners, &mesh.vertices, &mut mesh.triangles);
-    }
+/// Triangles of strips of so many vertices.
+fn triangles_of(strips: &[StripRow], vertices: usize) -> Decoded<Vec<[u32; 3]>> {
+    let mut triangles = Vec::new();
     for (i, strip) in strips.iter().enumerate() {
-        let is_unknown = |index: &&u32| **index != END_OF_STRIP && **index as usize >= rows.len();
+        let is_unknown = |index: &&u32| **index != END_OF_STRIP && **index as usize >= vertices;
         if let Some(index) = strip.corners.iter().find(is_unknown) {
-            let problem = format!("names vertex {index}, but there are {} (counted from 0)", rows.len());
+            let problem = format!("names vertex {index}, but there are {vertices} (counted from 0)");
             return Err((format!("strip {i}"), problem));
         }
-        strips::triangles(&strip.corners, &mut mesh.triangles);
+        strips::triangles(&strip.corners, &mut triangles);
     }
-    Ok(mesh)
+    Ok(triangles)
 }
 
 /// The first sentence of the parser's message, without its grammar.

@@ -3,32 +3,12 @@
 use ply_rs::ply::{BeginList, Property, PropertyAccess, PropertyAccessResult};
 
 use super::strips::END_OF_STRIP;
+use crate::geometry::scan::ScanVertex;
 
-/// Grey level of elements without a colour.
-const GREY: u8 = 180;
-
-/// A vertex; properties that its file lacks keep the values of [`PropertyAccess::new`].
-#[derive(Debug, Clone)]
-pub(super) struct VertexRow {
-    /// As the file has it; a frame far away needs the digits of a double.
-    pub(super) position: [f64; 3],
-    pub(super) normal: [f32; 3],
-    pub(super) color: [u8; 3],
-    pub(super) radius: f32,
-    pub(super) filled: bool,
-    pub(super) confidence: f32,
-}
-
-impl PropertyAccess for VertexRow {
+/// Properties that its file lacks keep the values of [`ScanVertex::default`].
+impl PropertyAccess for ScanVertex {
     fn new() -> Self {
-        Self {
-            position: [0.0; 3],
-            normal: [0.0; 3],
-            color: [GREY; 3],
-            radius: 0.0,
-            filled: false,
-            confidence: 1.0,
-        }
+        Self::default()
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
@@ -44,7 +24,7 @@ impl PropertyAccess for VertexRow {
             "radius" => &mut self.radius,
             "confidence" => &mut self.confidence,
             "red" | "green" | "blue" => {
-                let Some(value) = property.to_u8_color_lossy() else {
+                let Some(value) = property.to_f32_lossy() else {
                     return PropertyAccessResult::UnsupportedType;
                 };
                 self.color[usize::from(name == "green") + 2 * usize::from(name == "blue")] = value;
@@ -84,9 +64,9 @@ impl PropertyAccess for VertexRow {
 
     fn get_uchar(&self, name: &str) -> Option<u8> {
         Some(match name {
-            "red" => self.color[0],
-            "green" => self.color[1],
-            "blue" => self.color[2],
+            "red" => self.color[0] as u8,
+            "green" => self.color[1] as u8,
+            "blue" => self.color[2] as u8,
             "filled" => u8::from(self.filled),
             _ => return None,
         })

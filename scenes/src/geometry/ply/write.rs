@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use ply_rs::ply::{
-    Addable, ElementDef, Encoding, Header, PropertyAccess, PropertyDef, PropertyType, ScalarType,
-};
+use ply_rs::ply::{Addable, ElementDef, Encoding, Header, PropertyDef, PropertyType, ScalarType};
 use ply_rs::writer::Writer;
 
-use super::row::{CORNERS, FaceRow, VertexRow};
+use super::row::{CORNERS, FaceRow};
+use crate::geometry::scan::ScanVertex;
 use crate::geometry::{Disc, Geometry, Mesh};
 use crate::{Error, Result};
 
@@ -32,8 +31,12 @@ pub(crate) fn encode(geometry: &Geometry) -> Result<Vec<u8>> {
 }
 
 fn encode_mesh(mesh: &Mesh) -> std::io::Result<Vec<u8>> {
-    let vertices: Vec<VertexRow> = std::iter::zip(&mesh.vertices, &mesh.colors)
-        .map(|(v, &color)| VertexRow { position: v.as_dvec3().to_array(), color, ..VertexRow::new() })
+    let vertices: Vec<ScanVertex> = std::iter::zip(&mesh.vertices, &mesh.colors)
+        .map(|(v, color)| ScanVertex {
+            position: v.as_dvec3().to_array(),
+            color: color.map(f32::from),
+            ..ScanVertex::default()
+        })
         .collect();
     let faces: Vec<FaceRow> = mesh
         .triangles
@@ -50,7 +53,7 @@ fn encode_mesh(mesh: &Mesh) -> std::io::Result<Vec<u8>> {
     header.elements.add(face.clone());
 
     let mut bytes = Vec::with_capacity(300 + 15 * vertices.len() + 13 * faces.len());
-    let writer = Writer::<VertexRow>::new();
+    let writer = Writer::<ScanVertex>::new();
     writer.write_header(&mut bytes, &header)?;
     writer.write_payload_of_element(&mut bytes, &vertices, &vertex, &header)?;
     Writer::<FaceRow>::new().write_payload_of_element(&mut bytes, &faces, &face, &header)?;
@@ -58,12 +61,12 @@ fn encode_mesh(mesh: &Mesh) -> std::io::Result<Vec<u8>> {
 }
 
 fn encode_discs(discs: &[Disc]) -> std::io::Result<Vec<u8>> {
-    let rows: Vec<VertexRow> = discs
+    let rows: Vec<ScanVertex> = discs
         .iter()
-        .map(|d| VertexRow {
+        .map(|d| ScanVertex {
             position: d.center.as_dvec3().to_array(),
             normal: d.normal.to_array(),
-            color: d.color,
+            color: d.color.map(f32::from),
             radius: d.radius,
             filled: d.filled,
             confidence: d.confidence,
@@ -78,7 +81,7 @@ fn encode_discs(discs: &[Disc]) -> std::io::Result<Vec<u8>> {
     let mut header = Header { encoding: Encoding::BinaryLittleEndian, ..Header::new() };
     header.elements.add(vertex.clone());
     let mut bytes = Vec::with_capacity(400 + 36 * rows.len());
-    let writer = Writer::<VertexRow>::new();
+    let writer = Writer::<ScanVertex>::new();
     writer.write_header(&mut bytes, &header)?;
     writer.write_payload_of_element(&mut bytes, &rows, &vertex, &header)?;
     Ok(bytes)

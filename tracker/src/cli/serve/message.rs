@@ -2,9 +2,10 @@
 
 use std::io::Write;
 
+use serde::{Deserialize, Serialize};
+
 use crate::TrackId;
 use crate::events::Event;
-use serde::{Deserialize, Serialize};
 
 /// From the supervisor, by the worker's standard input. Its end ends the worker.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

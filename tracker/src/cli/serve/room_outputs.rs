@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use scenes::room::Room;
+
+use super::message::{Report, send};
+use crate::cli::run_arguments::{MethodName, RunArgs};
 use crate::events::{Clock, Event, EventFiles};
 use crate::prepared_room::PreparedRoom;
 use crate::run::{AgencyLog, EventLog, Output, ProcessedMoment};
 use crate::serve::{DailyFilm, DailyOutputs, RoomJournal, StartFilm};
 use crate::tracks::{Persistence, TrackFiles};
-use scenes::room::Room;
-
-use super::message::{Report, send};
-use crate::cli::run_arguments::{MethodName, RunArgs};
 
 /// Interval of the reports of heights, seconds.
 const HEIGHTS_EVERY_S: f64 = 1.0;

@@ -3,16 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::Error;
-use crate::serve::{Door, DoorOptions, DoorSide};
 use anyhow::{Context, bail};
 use clap::Parser;
 use scenes::room::Room;
 
 use super::arguments::{arguments, named};
 use super::site_file::{DoorTable, Options, Retention, RoomTable, SiteFile};
+use crate::Error;
 use crate::cli::run_arguments::RunArgs;
 use crate::cli::{Arguments, Command, flags, run};
+use crate::serve::{Door, DoorOptions, DoorSide};
 
 /// Name of the folder of the site's own files, which no room may have.
 const SITE: &str = "site";

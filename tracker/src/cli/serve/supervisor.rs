@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use crate::serve::{DailyFilm, Day, PersonKey, SiteFiles, SiteIds, remove_older};
 use anyhow::Context;
 use shell::console::Console;
 use signal_hook::consts::SIGHUP;
@@ -16,6 +15,7 @@ use super::message::Report;
 use super::site_plan::SitePlan;
 use super::worker_process::{RoomReport, WorkerProcess};
 use crate::cli::interrupt;
+use crate::serve::{DailyFilm, Day, PersonKey, SiteFiles, SiteIds, remove_older};
 
 /// Interval of looks at signals and processes.
 const LOOK: Duration = Duration::from_millis(100);

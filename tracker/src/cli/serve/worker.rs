@@ -7,9 +7,6 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 
-use crate::prepared_room::{PreparationOptions, PreparedRoom};
-use crate::run::ChangedRoom;
-use crate::serve::{Day, RoomJournal};
 use anyhow::Context;
 use scenes::room::Room;
 use shell::console::Console;
@@ -19,6 +16,9 @@ use signal_hook::flag;
 use super::message::Order;
 use super::site_plan::run_options;
 use crate::cli::run;
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
+use crate::run::ChangedRoom;
+use crate::serve::{Day, RoomJournal};
 
 /// The service that a room's run belongs to.
 pub(in crate::cli) struct RoomService {
@@ -121,13 +121,14 @@ fn read_again(source: &RoomSource, present: Option<&Room>) -> anyhow::Result<Roo
 
 /// The room without what takes much memory.
 fn without_geometry(room: &Room) -> Room {
-    let Room { cameras, zones, regions, lines, geo, walkable, geometry: _ } = room;
+    let Room { cameras, zones, regions, lines, geo, source, walkable, geometry: _ } = room;
     Room {
         cameras: cameras.clone(),
         zones: zones.clone(),
         regions: regions.clone(),
         lines: lines.clone(),
         geo: *geo,
+        source: *source,
         walkable: walkable.clone(),
         geometry: None,
     }

@@ -1,6 +1,7 @@
 //! Files that are read, and each kind of defect that is named.
 
 use super::*;
+use glam::Vec3;
 
 const TRIANGLE: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty float y\nproperty float z\n\
     element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1e0 0\n3 0 1 2\n";
@@ -9,8 +10,12 @@ const POINT: &str = "ply\r\nformat ascii 1.0\r\nelement vertex 1\r\nproperty flo
     property float z\r\nproperty float nx\r\nproperty float ny\r\nproperty float nz\r\nproperty float radius\r\n\
     end_header\r\n1 2 3 0 0 2 0.1\r\n";
 
+/// A room's own file, or one that is imported, with the cameras' places.
 fn decode_here(bytes: &[u8], viewpoints: Option<&[Vec3]>) -> Decoded<Geometry> {
-    decode(bytes, viewpoints, DVec3::ZERO)
+    match viewpoints {
+        Some(viewpoints) => scan(bytes)?.into_geometry(&Placing { viewpoints, ..Placing::default() }),
+        None => decode(bytes),
+    }
 }
 
 fn problem(text: &str) -> String {
@@ -161,9 +166,29 @@ fn a_frame_far_away_needs_a_shift_and_keeps_its_digits() {
     );
     let refused = problem(&far);
     assert!(refused.contains("vertex 0") && refused.contains("--shift=-500000,-5400000,0"), "{refused}");
-    let shift = DVec3::new(-500_000.0, -5_400_000.0, 0.0);
-    let Geometry::Mesh(mesh) = decode(far.as_bytes(), None, shift).unwrap() else { panic!("a mesh") };
+    let shift = nalgebra::Translation3::new(-500_000.0, -5_400_000.0, 0.0);
+    let placing = Placing { room_from_scan: nalgebra::convert(shift), ..Placing::default() };
+    let geometry = scan(far.as_bytes()).unwrap().into_geometry(&placing).unwrap();
+    let Geometry::Mesh(mesh) = geometry else { panic!("a mesh") };
     assert_eq!(mesh.vertices[2], Vec3::new(0.0, 1.375, 0.0));
+}
+
+#[test]
+fn colours_of_sixteen_bits_and_bytes_as_floats_are_read() {
+    let colored = |of: &str, values: &str| {
+        let properties = ["red", "green", "blue"].map(|name| format!("property {of} {name}\n")).concat();
+        let text = TRIANGLE
+            .replace("element face", &format!("{properties}element face"))
+            .replace("\n0 0 0\n", &format!("\n0 0 0 {values}\n"))
+            .replace("\n1 0 0\n", "\n1 0 0 0 0 0\n")
+            .replace("\n0 1e0 0\n", "\n0 1e0 0 0 0 0\n");
+        let Geometry::Mesh(mesh) = decode(text.as_bytes()).unwrap() else { panic!("a mesh") };
+        mesh.colors[0]
+    };
+    assert_eq!(colored("ushort", "65535 25700 257"), [255, 100, 1]);
+    assert_eq!(colored("ushort", "255 100 1"), [255, 100, 1]);
+    assert_eq!(colored("float", "1.0 0.5 0"), [255, 127, 0]);
+    assert_eq!(colored("float", "255.0 100.0 1"), [255, 100, 1]);
 }
 
 #[test]

@@ -7,12 +7,14 @@
 //! largest area; in many rooms that is a wall, and in a bent reconstruction a seemingly large floor combines a little
 //! of it with something else. Here every plane that could be level given the cameras' orientations determines a
 //! candidate floor: a plane that has almost nothing behind it and every camera above it. The area of the planes level
-//! or plumb with it ([`vertical`]) and the vertical lines in the pictures ([`crate::plumb`]) support the vertical, and
+//! or plumb with it ([`vertical`]) and the vertical lines in the pictures ([`Plumb`]) support the vertical, and
 //! the floor's own area the plane at that height, so the candidate with the largest sum of both wins, less the area
 //! behind it: a polished floor reflects another ceiling.
 
 mod fit;
 mod hough;
+mod plumb;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod vertical;
@@ -20,10 +22,11 @@ mod vertical;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::plumb::Plumb;
-use crate::{Error, Result};
 use fit::{Cloud, PlaneFit};
 use vertical::VerticalConsensus;
+
+pub use plumb::{Plumb, tangents};
+pub use surface::surface_points;
 
 /// A surface point with the area it stands for.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,16 +129,16 @@ pub struct FloorReport {
 /// pictures, where they determine it.
 ///
 /// # Errors
-/// [`Error::Room`] when no plane can be a floor, naming the problem of the best.
+/// The problem of the best plane, when none can be a floor.
 pub fn find(
     points: &[SurfacePoint],
     cameras: &[Isometry3<f64>],
     plumb: &[Plumb],
     options: &FloorOptions,
-) -> Result<(Plane, FloorReport)> {
+) -> Result<(Plane, FloorReport), String> {
     let centres: Vec<Point3<f64>> = cameras.iter().map(|c| c.inverse() * Point3::origin()).collect();
-    let size = room_size(points, &centres)
-        .ok_or_else(|| Error::Room("no surface was reconstructed, so there is no floor to find".into()))?;
+    let size =
+        room_size(points, &centres).ok_or("no surface was reconstructed, so there is no floor to find")?;
     // The weight of a point falls with its uncertainty relative to a plane's thickness: far points are large and
     // uncertain.
     let vague = |p: &SurfacePoint| 1.0 + (p.sigma / (options.thickness * size)).powi(2);
@@ -193,7 +196,7 @@ pub fn find(
         }
     }
     best.map(|(_, plane, report)| (plane, report))
-        .ok_or_else(|| Error::Room(format!("no floor found among {} planes: {refusal}", peaks.len())))
+        .ok_or_else(|| format!("no floor found among {} planes: {refusal}", peaks.len()))
 }
 
 /// Candidate floors if a plane is level, the lowest first, each with the level plane through it: points parallel to the
@@ -224,6 +227,18 @@ fn stands_on(camera: &Isometry3<f64>, plane: &Plane, options: &FloorOptions) -> 
     right.abs() < options.largest_roll_deg.to_radians().sin()
         && pitch_deg > -options.largest_upward_deg
         && pitch_deg < 90.0 + options.largest_upward_deg
+}
+
+/// The shortest turn and move that bring the floor to z = 0: about the point of the floor below the cameras' middle, which
+/// keeps its x and y. `cameras`: their centres.
+pub fn levelled(floor: &Plane, cameras: &[Point3<f64>]) -> Isometry3<f64> {
+    let middle = cameras.iter().map(|c| c.coords).sum::<Vector3<f64>>() / cameras.len().max(1) as f64;
+    let foot = middle - floor.normal * floor.height(&middle.into());
+    // Half a turn has no shortest way: about x.
+    let rotation = UnitQuaternion::rotation_between(&floor.normal, &Vector3::z())
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let kept = Vector3::new(foot.x, foot.y, 0.0);
+    Isometry3::from_parts(Translation3::from(kept - rotation * foot), rotation)
 }
 
 /// World frame of a room: the floor is z = 0, the origin lies below the first camera's centre, x is the horizontal

@@ -15,7 +15,7 @@
 //! plumb lines  t_k = t     + N(0, C_k)
 //! ```
 //!
-//! The last are those of one capture's pictures, with the covariance C of [`crate::plumb`].
+//! The last are those of one capture's pictures, with the covariance C of [`Plumb`].
 //!
 //! Sloped desks and leaning boards must be excluded: among the planes that face up, down or sideways to within some
 //! angle, true ones are assumed q times as frequent as others, which are spread evenly within that angle. So a plane is
@@ -36,7 +36,7 @@ use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 use super::FloorOptions;
 use super::fit::PlaneFit;
-use crate::plumb::{Plumb, tangents};
+use super::plumb::{Plumb, tangents};
 
 /// Ratio of true level or plumb planes to sloped ones, q.
 const TRUE_TO_SLOPED: f64 = 10.0;
