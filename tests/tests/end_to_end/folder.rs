@@ -8,6 +8,30 @@ use image::RgbImage;
 use tempfile::TempDir;
 use tests::data::program;
 
+/// `[[camera]]` of a `scene.toml`: a small camera that looks over the floor; the first number of its translation.
+macro_rules! camera_table {
+    ($name:literal, $x:literal) => {
+        concat!(
+            "\n[[camera]]\nname = \"",
+            $name,
+            "\"\nwidth = 64\nheight = 48\n",
+            "matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]\n",
+            "distortion = [0.0, 0.0, 0.0, 0.0, 0.0]\n",
+            "rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]\n",
+            "translation = [",
+            $x,
+            ", 1.2, 3.0]\n"
+        )
+    };
+}
+/// `[[zone]]` of a `scene.toml`.
+macro_rules! door_table {
+    () => {
+        "\n[[zone]]\nname = \"door\"\npolygon = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]\n"
+    };
+}
+pub(crate) use {camera_table, door_table};
+
 pub(crate) struct Folder(TempDir);
 
 impl Folder {

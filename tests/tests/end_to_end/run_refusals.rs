@@ -8,30 +8,10 @@ use std::process::Output;
 use image::{Rgb, RgbImage};
 use tests::data::{office, program};
 
-use crate::folder::Folder;
+use crate::folder::{Folder, camera_table};
 use crate::refusal::refused;
 
-const ROOM: &str = r#"
-format = 1
-
-[[camera]]
-name = "left"
-width = 64
-height = 48
-matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
-distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
-rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-translation = [0.0, 1.2, 3.0]
-
-[[camera]]
-name = "right"
-width = 64
-height = 48
-matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
-distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
-rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-translation = [0.5, 1.2, 3.0]
-"#;
+const ROOM: &str = concat!("\nformat = 1\n", camera_table!("left", "0.0"), camera_table!("right", "0.5"));
 
 /// A room, a folder of pictures for each of its two cameras, and masks for them.
 struct Small {

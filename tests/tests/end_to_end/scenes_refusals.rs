@@ -7,27 +7,15 @@ use std::process::Output;
 
 use image::RgbImage;
 
-use crate::folder::Folder;
+use crate::folder::{Folder, camera_table, door_table};
 use crate::refusal::{refused, refused_with};
 
-const SCENE: &str = r#"
-format = 1
-geometry = "room.ply"
-
-[[camera]]
-name = "left"
-width = 64
-height = 48
-matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
-distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
-rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-translation = [0.0, 1.2, 3.0]
-reference = "left.png"
-
-[[zone]]
-name = "door"
-polygon = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
-"#;
+const SCENE: &str = concat!(
+    "\nformat = 1\ngeometry = \"room.ply\"\n",
+    camera_table!("left", "0.0"),
+    "reference = \"left.png\"\n",
+    door_table!()
+);
 
 /// A square of floor.
 const GEOMETRY: &str = "ply

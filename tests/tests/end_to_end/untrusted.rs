@@ -6,25 +6,10 @@ use std::process::Output;
 
 use image::{Rgb, RgbImage};
 
-use crate::folder::Folder;
+use crate::folder::{Folder, camera_table, door_table};
 use crate::refusal::{refused, refused_with};
 
-const ROOM: &str = r#"
-format = 1
-
-[[camera]]
-name = "a"
-width = 64
-height = 48
-matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
-distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
-rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-translation = [0.0, 1.2, 3.0]
-
-[[zone]]
-name = "door"
-polygon = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
-"#;
+const ROOM: &str = concat!("\nformat = 1\n", camera_table!("a", "0.0"), door_table!());
 
 const ROWS: &str = "1,-1,10,10,30,60,0.9\n2,-1,11,10,30,60,0.9\n3,-1,12,10,30,60,0.9\n";
 

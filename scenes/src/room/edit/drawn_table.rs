@@ -27,16 +27,50 @@ pub(super) trait DrawnTable: Clone + DeserializeOwned {
     const PARTS: &'static [(Part, &'static str)];
 
     fn name(&self) -> &str;
+    fn name_mut(&mut self) -> &mut String;
     fn outline(&self) -> &[Point2<f64>];
+    fn outline_mut(&mut self) -> &mut Vec<Point2<f64>>;
+    /// Tells whether the property is the same in both.
+    fn has_same_property(&self, other: &Self) -> bool;
+    /// Takes the property over from another.
+    fn take_property(&mut self, other: &Self);
+    /// Value of the property in a file; `None` where its key is left out.
+    fn property(&self) -> Option<Value>;
+    /// Tells whether a new table leaves the property out.
+    fn has_default_property(&self) -> bool {
+        self.property().is_none()
+    }
+
     /// Tells whether a part is the same in both.
-    fn has_same(&self, other: &Self, part: Part) -> bool;
+    fn has_same(&self, other: &Self, part: Part) -> bool {
+        match part {
+            Part::Name => self.name() == other.name(),
+            Part::Outline => is_same_outline(self.outline(), other.outline()),
+            Part::Property => self.has_same_property(other),
+        }
+    }
+
     /// Takes a part over from another.
-    fn take(&mut self, other: &Self, part: Part);
+    fn take(&mut self, other: &Self, part: Part) {
+        match part {
+            Part::Name => other.name().clone_into(self.name_mut()),
+            Part::Outline => other.outline().clone_into(self.outline_mut()),
+            Part::Property => self.take_property(other),
+        }
+    }
+
     /// Value of a part in a file; `None` where its key is left out.
-    fn value(&self, part: Part) -> Option<Value>;
+    fn value(&self, part: Part) -> Option<Value> {
+        match part {
+            Part::Name => Some(self.name().into()),
+            Part::Outline => Some(outline_value(self.outline())),
+            Part::Property => self.property(),
+        }
+    }
+
     /// Tells whether a new table leaves the part out.
     fn is_default(&self, part: Part) -> bool {
-        self.value(part).is_none()
+        part == Part::Property && self.has_default_property()
     }
 }
 
@@ -49,40 +83,36 @@ impl DrawnTable for Zone {
         &self.name
     }
 
+    fn name_mut(&mut self) -> &mut String {
+        &mut self.name
+    }
+
     fn outline(&self) -> &[Point2<f64>] {
         &self.polygon.0
     }
 
-    fn has_same(&self, other: &Self, part: Part) -> bool {
-        match part {
-            Part::Name => self.name == other.name,
-            Part::Outline => is_same_outline(&self.polygon.0, &other.polygon.0),
-            Part::Property => self.kind == other.kind,
-        }
+    fn outline_mut(&mut self) -> &mut Vec<Point2<f64>> {
+        &mut self.polygon.0
     }
 
-    fn take(&mut self, other: &Self, part: Part) {
-        match part {
-            Part::Name => self.name.clone_from(&other.name),
-            Part::Outline => self.polygon.clone_from(&other.polygon),
-            Part::Property => self.kind = other.kind,
-        }
+    fn has_same_property(&self, other: &Self) -> bool {
+        self.kind == other.kind
     }
 
-    fn value(&self, part: Part) -> Option<Value> {
-        Some(match part {
-            Part::Name => self.name.as_str().into(),
-            Part::Outline => outline_value(&self.polygon.0),
-            Part::Property => match self.kind {
-                ZoneKind::Entry => "entry".into(),
-                ZoneKind::Exit => "exit".into(),
-                ZoneKind::Both => "both".into(),
-            },
+    fn take_property(&mut self, other: &Self) {
+        self.kind = other.kind;
+    }
+
+    fn property(&self) -> Option<Value> {
+        Some(match self.kind {
+            ZoneKind::Entry => "entry".into(),
+            ZoneKind::Exit => "exit".into(),
+            ZoneKind::Both => "both".into(),
         })
     }
 
-    fn is_default(&self, part: Part) -> bool {
-        part == Part::Property && self.kind == ZoneKind::default()
+    fn has_default_property(&self) -> bool {
+        self.kind == ZoneKind::default()
     }
 }
 
@@ -95,35 +125,31 @@ impl DrawnTable for Region {
         &self.name
     }
 
+    fn name_mut(&mut self) -> &mut String {
+        &mut self.name
+    }
+
     fn outline(&self) -> &[Point2<f64>] {
         &self.polygon.0
     }
 
-    fn has_same(&self, other: &Self, part: Part) -> bool {
-        match part {
-            Part::Name => self.name == other.name,
-            Part::Outline => is_same_outline(&self.polygon.0, &other.polygon.0),
-            Part::Property => match (self.dwell_s, other.dwell_s) {
-                (Some(a), Some(b)) => (a - b).abs() <= SAME,
-                (a, b) => a.is_none() && b.is_none(),
-            },
+    fn outline_mut(&mut self) -> &mut Vec<Point2<f64>> {
+        &mut self.polygon.0
+    }
+
+    fn has_same_property(&self, other: &Self) -> bool {
+        match (self.dwell_s, other.dwell_s) {
+            (Some(a), Some(b)) => (a - b).abs() <= SAME,
+            (a, b) => a.is_none() && b.is_none(),
         }
     }
 
-    fn take(&mut self, other: &Self, part: Part) {
-        match part {
-            Part::Name => self.name.clone_from(&other.name),
-            Part::Outline => self.polygon.clone_from(&other.polygon),
-            Part::Property => self.dwell_s = other.dwell_s,
-        }
+    fn take_property(&mut self, other: &Self) {
+        self.dwell_s = other.dwell_s;
     }
 
-    fn value(&self, part: Part) -> Option<Value> {
-        match part {
-            Part::Name => Some(self.name.as_str().into()),
-            Part::Outline => Some(outline_value(&self.polygon.0)),
-            Part::Property => self.dwell_s.map(Value::from),
-        }
+    fn property(&self) -> Option<Value> {
+        self.dwell_s.map(Value::from)
     }
 }
 
@@ -135,32 +161,26 @@ impl DrawnTable for Line {
         &self.name
     }
 
+    fn name_mut(&mut self) -> &mut String {
+        &mut self.name
+    }
+
     fn outline(&self) -> &[Point2<f64>] {
         &self.points
     }
 
-    fn has_same(&self, other: &Self, part: Part) -> bool {
-        match part {
-            Part::Name => self.name == other.name,
-            Part::Outline => is_same_outline(&self.points, &other.points),
-            Part::Property => true,
-        }
+    fn outline_mut(&mut self) -> &mut Vec<Point2<f64>> {
+        &mut self.points
     }
 
-    fn take(&mut self, other: &Self, part: Part) {
-        match part {
-            Part::Name => self.name.clone_from(&other.name),
-            Part::Outline => self.points.clone_from(&other.points),
-            Part::Property => {}
-        }
+    fn has_same_property(&self, _: &Self) -> bool {
+        true
     }
 
-    fn value(&self, part: Part) -> Option<Value> {
-        match part {
-            Part::Name => Some(self.name.as_str().into()),
-            Part::Outline => Some(outline_value(&self.points)),
-            Part::Property => None,
-        }
+    fn take_property(&mut self, _: &Self) {}
+
+    fn property(&self) -> Option<Value> {
+        None
     }
 }
 
