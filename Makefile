@@ -53,9 +53,8 @@ fuzz: libraries
 	FUZZ_ROUNDS=100000 cargo test --release --locked --workspace $(FEATURES) --test end_to_end parsers::
 
 papers: libraries
-	cargo build --release --locked --workspace --bins $(FEATURES)
-	cargo build --release --locked -p tests --examples
-	cargo run --release --locked -p tests --example papers -- target/papers
+	cargo build --release --locked --workspace --bins --examples --benches $(FEATURES)
+	target/release/examples/papers target/papers
 
 docs:
 	@./tests/setup.sh guide

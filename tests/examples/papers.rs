@@ -1,8 +1,7 @@
 //! The experiments of the four papers, done again and put beside the papers' own numbers, on one page.
 //!
-//! `make papers`, or `cargo build --release --bins --examples -p … && cargo run --release -p tests --example papers -- DIR`:
-//! writes DIR/index.html, and beside it what each experiment has printed and drawn. About 15 minutes on two cores. Data
-//! that the papers do not publish are replaced by generated or shipped scenes, as each heading says.
+//! `make papers`: writes target/papers/index.html, and beside it what each experiment has printed and drawn. Data that the
+//! papers do not publish are replaced by generated or shipped scenes, as each part says.
 #![forbid(unsafe_code)]
 
 use std::fmt::Write as _;
@@ -314,10 +313,15 @@ fn example(name: &str, arguments: &[&Path]) -> Command {
     command
 }
 
-/// A benchmark of this crate.
+/// A benchmark of this crate, built with the same profile.
 fn cargo_bench(name: &str, arguments: &[&str]) -> Command {
+    // target/PROFILE/examples/papers.
+    let own = std::env::current_exe().unwrap_or_default();
+    let profile = own.parent().and_then(Path::parent).and_then(Path::file_name).unwrap_or_default();
     let mut command = Command::new(option_env!("CARGO").unwrap_or("cargo"));
-    command.args(["bench", "--quiet", "--locked", "-p", "tests", "--bench", name, "--"]).args(arguments);
+    command.args(["bench", "--quiet", "--locked", "--workspace", "--features", "tracker/zenoh", "--profile"]);
+    command.arg(if profile == "debug" { "dev".as_ref() } else { profile });
+    command.args(["--bench", name, "--"]).args(arguments);
     command
 }
 
