@@ -19,6 +19,7 @@
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
 //! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
+//! * [`relocation`] — `recon relocate`: where a camera of a finished room stands now, from one picture.
 //! * [`error`] — the error type: each line names file, place and what to do.
 #![forbid(unsafe_code)]
 
@@ -39,6 +40,7 @@ pub mod plumb;
 pub mod project;
 pub mod proposals;
 pub mod ray_depth;
+pub mod relocation;
 pub mod rolling_shutter;
 pub mod scale;
 pub mod schur;

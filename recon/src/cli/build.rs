@@ -79,14 +79,14 @@ pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Locks a room for one build at a time, by a file in the folder that it is, or will be, in: the room itself is replaced.
-/// `None` in a folder that cannot be written: the build reports it when it writes the room.
-fn lock(out: &Path) -> anyhow::Result<Option<FolderLock>> {
+/// Locks a room for one command that changes it at a time, by a file in the folder that it is, or will be, in: the room itself is replaced.
+/// `None` in a folder that cannot be written: the command reports it when it writes the room.
+pub(super) fn lock(out: &Path, command: &str) -> anyhow::Result<Option<FolderLock>> {
     let absolute = std::path::absolute(out).with_context(|| out.display().to_string())?;
     let above = absolute.ancestors().skip(1).find(|folder| folder.is_dir()).unwrap_or(Path::new("/"));
     let name = absolute.file_name().unwrap_or_default().to_string_lossy();
     let file = above.join(format!(".{name}{}", FolderLock::NAME));
-    match FolderLock::take_file(&file, out, "recon build", Duration::ZERO) {
+    match FolderLock::take_file(&file, out, command, Duration::ZERO) {
         Ok(lock) => Ok(Some(lock)),
         Err(LockError::Io { .. }) => Ok(None),
         Err(held) => Err(held.into()),
@@ -99,7 +99,7 @@ impl Build {
         let files = [Some(&self.project), self.zones.as_ref(), self.options.as_ref()];
         let captures = Project::inputs(&self.project);
         Outputs::new([self.out.as_path()]).refuse(files.into_iter().flatten().chain(&captures))?;
-        let _lock = lock(&self.out)?;
+        let _lock = lock(&self.out, "recon build")?;
         let mut options = match &self.options {
             Some(file) => BuildOptions::read(file)?,
             None => BuildOptions { dense: self.quality.dense(), ..BuildOptions::default() },

@@ -2,6 +2,7 @@
 
 mod build;
 mod picks;
+mod relocate;
 
 use clap::{Parser, Subcommand};
 use shell::console::Console;
@@ -21,6 +22,7 @@ pub(crate) struct Arguments {
 pub(crate) enum Command {
     Build(build::Build),
     Picks(picks::Picks),
+    Relocate(relocate::Relocate),
 }
 
 impl Command {
@@ -28,6 +30,7 @@ impl Command {
         match self {
             Self::Build(command) => command.run(console),
             Self::Picks(command) => command.run(console),
+            Self::Relocate(command) => command.run(console),
         }
     }
 }

@@ -1,0 +1,1 @@
+//! Synthetic sightings, whose pose is known.
