@@ -21,6 +21,9 @@ const LOSS: Loss = Loss::Cauchy(2.0);
 /// Weighted residual beyond which a sighting has no part, first and last.
 const REACH_SIGMAS: [f64; 2] = [4.0 * AGREES_SIGMAS, 2.0 * AGREES_SIGMAS];
 
+/// Factors of the depths' uncertainty that are tried.
+const DEPTH_FACTORS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
+
 /// Weighted reprojection of sightings.
 struct WeightedReprojection<'a> {
     intrinsics: &'a Intrinsics,
@@ -90,6 +93,34 @@ pub(super) fn adjusted(
     pose
 }
 
+/// The adjusted pose, and the sightings with the uncertainty of their depths by which their residuals are most likely:
+/// how good a room's surfaces are differs from room to room.
+pub(super) fn adjusted_with_depths(
+    intrinsics: &Intrinsics,
+    sightings: &[Sighting],
+    start: &Isometry3<f64>,
+) -> (Isometry3<f64>, Vec<Sighting>) {
+    let near: Vec<Sighting> = {
+        let widest = |s: &&Sighting| {
+            let wide = s.with_depth_uncertainty(DEPTH_FACTORS[DEPTH_FACTORS.len() - 1]);
+            wide.squared(intrinsics, start) < REACH_SIGMAS[1] * REACH_SIGMAS[1]
+        };
+        sightings.iter().filter(widest).copied().collect()
+    };
+    let tried = DEPTH_FACTORS.map(|factor| {
+        let scaled: Vec<Sighting> = near.iter().map(|s| s.with_depth_uncertainty(factor)).collect();
+        let pose = adjusted(intrinsics, &scaled, start);
+        let unlikeliness = |s: &Sighting| {
+            let squared = s.squared(intrinsics, &pose).min(1e6);
+            LOSS.cost(squared) + s.log_determinant(intrinsics, &pose)
+        };
+        (scaled.iter().map(unlikeliness).sum::<f64>(), pose, scaled)
+    });
+    // There is at least one factor, and the start for a sum that is no number.
+    let best = tried.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    best.map_or_else(|| (*start, near), |(_, pose, scaled)| (pose, scaled))
+}
+
 /// The pose with its uncertainty, or the reason for which it is not to be trusted. `matches` is the number of sightings
 /// by looks alone.
 pub(super) fn judged(
@@ -124,8 +155,9 @@ pub(super) fn judged(
     // Two residuals a sighting, less the six unknowns.
     let variance = (squared / (2.0 * agreeing as f64 - 6.0)).max(1.0);
     let meat: Matrix6<f64> = gradients.values().map(|g| g * g.transpose()).sum();
+    // Cells, less the six unknowns that fit them.
     let cells = cells as f64;
-    let sandwich = inverse * meat * inverse * (cells / (cells - 1.0));
+    let sandwich = inverse * meat * inverse * (cells / (cells - 6.0));
     let sigmas = [inverse * variance, sandwich].map(|covariance| {
         let turn = covariance.fixed_view::<3, 3>(0, 0).trace();
         // The camera's centre is −Rᵀ t: a step (ω, τ) moves it by −Rᵀ τ, since ω turns about the camera itself.

@@ -42,17 +42,17 @@ const NEAR_RATIO: f32 = 0.9;
 /// Distance from a landmark's predicted pixel within which a further match is searched, pixels.
 const NEAR_PX: f64 = 6.0;
 /// Columns and rows of the grid over a reference picture, each cell of which is one observation.
-const GRID: [u32; 2] = [8, 6];
+const GRID: [u32; 2] = [6, 5];
 /// Fewest matches that must agree on the pose. Pictures of other rooms reach about half as many by chance.
 const LEAST_AGREEING: usize = 20;
-/// Fewest cells of the grid that must hold an agreeing match.
-const LEAST_CELLS: usize = 6;
-/// Largest standard deviation of the camera's position, metres, …
-const MOST_SIGMA_M: f64 = 0.025;
+/// Fewest cells of the grid that must hold an agreeing match: more than a pose has unknowns.
+const LEAST_CELLS: usize = 8;
+/// Largest standard deviation of the camera's position, metres, so that two of them are 3 cm, …
+const MOST_SIGMA_M: f64 = 0.015;
 /// … or, where everything is far away, as a share of the landmarks' median distance.
 const MOST_SIGMA_SHARE: f64 = 0.005;
-/// Largest standard deviation of the camera's orientation, degrees.
-const MOST_SIGMA_DEG: f64 = 0.25;
+/// Largest standard deviation of the camera's orientation, degrees: two of them are the turn that makes a camera another.
+const MOST_SIGMA_DEG: f64 = 0.15;
 
 /// Depth of the scene along a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -228,6 +228,6 @@ pub fn relocate(
         })
         .map(sighting)
         .collect();
-    let pose = adjustment::adjusted(intrinsics, &by_place, &rough);
+    let (pose, by_place) = adjustment::adjusted_with_depths(intrinsics, &by_place, &rough);
     Ok(adjustment::judged(intrinsics, &by_place, &pose, matches))
 }

@@ -48,6 +48,16 @@ impl Sighting {
         plain - v * v.transpose() * (along / (squared * PIXEL_SIGMA_PX))
     }
 
+    /// Logarithm of the determinant of the residual's covariance, [`Self::whitening`]'s.
+    pub(super) fn log_determinant(&self, intrinsics: &Intrinsics, camera_from_world: &Isometry3<f64>) -> f64 {
+        -2.0 * self.whitening(intrinsics, camera_from_world).determinant().abs().max(f64::MIN_POSITIVE).ln()
+    }
+
+    /// The sighting, its depth uncertain by `factor` times as much.
+    pub(super) fn with_depth_uncertainty(&self, factor: f64) -> Self {
+        Self { depth_step: self.depth_step * factor, ..*self }
+    }
+
     /// Squared residual in standard deviations; infinite behind the camera.
     pub(super) fn squared(&self, intrinsics: &Intrinsics, camera_from_world: &Isometry3<f64>) -> f64 {
         self.residual_px(intrinsics, camera_from_world).map_or(f64::INFINITY, |residual| {
