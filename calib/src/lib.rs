@@ -8,6 +8,7 @@
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
 //! * [`least_squares`] — damped nonlinear least squares: the trait of a problem, and the one loop that minimises it.
 //! * [`resection`] — a camera's pose, and its lens where that is unknown, from known points and their pixels.
+//! * [`relocation`] — a camera's pose from one picture and pictures taken at known poses.
 //! * [`picture`] — pictures in files: photographs upright, drawings replaced in one step.
 //! * [`photograph`] — the lens stated by a photograph's EXIF block.
 //! * [`ray_uncertainty`] — standard deviation of a calibrated camera's rays, over its picture.
@@ -37,6 +38,8 @@ pub mod least_squares;
 pub mod photograph;
 pub mod picture;
 pub mod ray_uncertainty;
+#[cfg(feature = "vision")]
+pub mod relocation;
 pub mod resection;
 pub mod rotation;
 pub mod undistort;

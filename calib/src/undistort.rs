@@ -5,7 +5,7 @@
 //! by these maps.
 
 use image::{GrayImage, Rgb, RgbImage};
-use nalgebra::Point2;
+use nalgebra::{Point2, UnitQuaternion, Vector3};
 
 use crate::Intrinsics;
 
@@ -30,12 +30,24 @@ impl UndistortMap {
         if intrinsics.distortion.is_none() {
             return Self { width, height, source: Vec::new(), nearest: Vec::new() };
         }
+        Self::of_rays(intrinsics, |ray| ray)
+    }
+
+    /// The map of a camera that has turned in place, to the pinhole image of the camera before: what it no longer sees
+    /// there has no image.
+    pub fn turned(intrinsics: &Intrinsics, camera_from_before: &UnitQuaternion<f64>) -> Self {
+        Self::of_rays(intrinsics, |ray| camera_from_before * ray)
+    }
+
+    /// Map by which a ray of the pinhole twin becomes one of the camera.
+    fn of_rays(intrinsics: &Intrinsics, of_camera: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Self {
+        let (width, height) = (intrinsics.width, intrinsics.height);
         let pinhole = intrinsics.pinhole();
         let source: Vec<Option<[f32; 2]>> = (0..height)
             .flat_map(|v| (0..width).map(move |u| Point2::new(u as f64, v as f64)))
             .map(|pixel| {
                 let ray = pinhole.unproject(&pixel)?;
-                let seen = intrinsics.project(&ray.into())?;
+                let seen = intrinsics.project(&of_camera(ray).into())?;
                 intrinsics.contains(&seen).then_some([seen.x as f32, seen.y as f32])
             })
             .collect();

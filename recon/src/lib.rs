@@ -21,6 +21,7 @@
 //! * [`verdict`] — green, amber or red, with reasons: whether a built room is to be believed.
 //! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
 //! * [`picks_page`] — the same in the browser, with the scale, the build and its verdict.
+//! * [`relocation`] — `recon relocate`: where a camera of a finished room stands now, from one picture.
 //! * [`error`] — the error type: each line names file, place and what to do.
 //! * [`cli`] — the command line: one file a subcommand.
 #![forbid(unsafe_code)]
@@ -44,6 +45,7 @@ pub mod plumb;
 pub mod project;
 pub mod proposals;
 pub mod ray_depth;
+pub mod relocation;
 pub mod rolling_shutter;
 pub mod scale;
 pub mod schur;

@@ -7,6 +7,7 @@
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
 //! * [`mask_recording`] — exact masks of synthetic people in the files that `tracker run` reads.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
+//! * [`relocation`] — pictures of cameras that have been bumped, with their true poses.
 //! * [`network_camera`] — a fake network camera with a clock, losses and faults of its own.
 //! * [`live`] — scenarios of live input, with figures of a run on such cameras.
 //! * [`board`] — a calibration board, drawn into pictures.
@@ -26,4 +27,5 @@ pub mod live;
 pub mod mask_recording;
 pub mod network_camera;
 pub mod project;
+pub mod relocation;
 pub mod spoilt;

@@ -29,6 +29,8 @@ use linear::PrincipalFrame;
 pub use consensus::{Consensus, mirrored_world, refuse_mirrored_world, resect_by_consensus, wrong_from_px};
 pub use lens::{LensResection, resect_with_lens};
 pub use refine::refine_pose;
+#[cfg(feature = "vision")]
+pub(crate) use three_points::solve as poses_of_three_points;
 
 /// Standard deviation of picks by hand.
 const PICK_SIGMA_PX: f64 = 0.5;

@@ -34,7 +34,7 @@ pub(super) fn from_triples(picks: &[Pick], rays: &[Vector2<f64>]) -> Vec<Isometr
 }
 
 /// Every `camera_from_world` that maps three world points into three unit directions.
-fn solve(world: [Point3<f64>; 3], directions: [Vector3<f64>; 3]) -> Vec<Isometry3<f64>> {
+pub(crate) fn solve(world: [Point3<f64>; 3], directions: [Vector3<f64>; 3]) -> Vec<Isometry3<f64>> {
     let squared = |i: usize, j: usize| (world[i] - world[j]).norm_squared();
     let (a2, b2, c2) = (squared(1, 2), squared(0, 2), squared(0, 1));
     let cosine = |i: usize, j: usize| directions[i].dot(&directions[j]);

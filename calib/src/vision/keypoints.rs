@@ -1,6 +1,8 @@
 //! Scale-invariant keypoints (D. G. Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004) and
 //! their matches between pictures taken from any two places.
 
+use std::collections::HashMap;
+
 use image::GrayImage;
 use nalgebra::Point2;
 use opencv::core::{KeyPoint, Mat, Vector};
@@ -79,6 +81,62 @@ impl Keypoints {
         };
         there.iter().enumerate().filter_map(pair).collect()
     }
+
+    /// Pairs (index here, index in `other`) of which each is nearest to the other among those in reach: a keypoint of
+    /// `other` is in reach of one here within `radius_px` of the pixel that is `predicted` for it, and must be nearer than
+    /// `ratio` times the second nearest in reach.
+    pub fn matches_near(
+        &self,
+        other: &Self,
+        predicted: &[Option<Point2<f64>>],
+        radius_px: f64,
+        ratio: f32,
+    ) -> Vec<(usize, usize)> {
+        let cell = |at: f64| (at / radius_px).floor() as i64;
+        let mut cells: HashMap<(i64, i64), Vec<usize>> = HashMap::new();
+        for (there, pixel) in other.pixels.iter().enumerate() {
+            cells.entry((cell(pixel.x), cell(pixel.y))).or_default().push(there);
+        }
+        // The keypoint here that each keypoint there is nearest to, and its likeness.
+        let mut claims: Vec<Option<(usize, f32)>> = vec![None; other.pixels.len()];
+        for (here, place) in predicted.iter().enumerate().take(self.pixels.len()) {
+            let Some(place) = place else { continue };
+            let (column, row) = (cell(place.x), cell(place.y));
+            let around = (row - 1..=row + 1).flat_map(|r| (column - 1..=column + 1).map(move |c| (c, r)));
+            let in_reach = around
+                .filter_map(|key| cells.get(&key))
+                .flatten()
+                .copied()
+                .filter(|there| (other.pixels[*there] - place).norm() <= radius_px);
+            let (mut best, mut first, mut second) = (None, f32::NEG_INFINITY, f32::NEG_INFINITY);
+            for there in in_reach {
+                let likeness = likeness(&self.descriptors[here], &other.descriptors[there]);
+                if likeness > first {
+                    (best, first, second) = (Some(there), likeness, first);
+                } else {
+                    second = second.max(likeness);
+                }
+            }
+            let Some(there) = best else { continue };
+            let is_clear = distance(first) < ratio * distance(second.max(LEAST_LIKENESS));
+            if is_clear && claims[there].is_none_or(|(_, other)| first > other) {
+                claims[there] = Some((here, first));
+            }
+        }
+        let pair = |(there, claim): (usize, &Option<(usize, f32)>)| claim.map(|(here, _)| (here, there));
+        let mut pairs: Vec<(usize, usize)> = claims.iter().enumerate().filter_map(pair).collect();
+        pairs.sort_unstable();
+        pairs
+    }
+}
+
+/// Likeness of a second nearest keypoint that is always assumed to be in reach: two keypoints that are less alike show
+/// different things.
+const LEAST_LIKENESS: f32 = 0.75;
+
+/// Distance of two descriptors of length 1 with this scalar product.
+fn distance(likeness: f32) -> f32 {
+    (2.0 - 2.0 * likeness).max(0.0).sqrt()
 }
 
 /// The nearest descriptor, its distance and that of the second nearest.
@@ -90,7 +148,6 @@ struct Near {
 
 /// Nearest descriptor of `among` for each of `from`.
 fn nearest(from: &[[f32; DESCRIPTOR]], among: &[[f32; DESCRIPTOR]]) -> Vec<Option<Near>> {
-    let distance = |likeness: f32| (2.0 - 2.0 * likeness).max(0.0).sqrt();
     let of = |descriptor: &[f32; DESCRIPTOR]| {
         let (mut best, mut second) = (None, f32::NEG_INFINITY);
         let mut first = f32::NEG_INFINITY;

@@ -110,7 +110,7 @@ impl Build {
         let files = [Some(&self.project), self.zones.as_ref(), self.options.as_ref()];
         let captures = Project::inputs(&self.project);
         Outputs::new([self.out.as_path()]).refuse(files.into_iter().flatten().chain(&captures))?;
-        let _lock = pipeline::lock_room(&self.out)?;
+        let _lock = pipeline::lock_room(&self.out, "recon build")?;
         let mut options = match &self.options {
             Some(file) => BuildOptions::read(file)?,
             None => BuildOptions { dense: self.quality.dense(), ..BuildOptions::default() },

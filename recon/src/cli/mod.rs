@@ -3,6 +3,7 @@
 mod build;
 mod picks;
 mod picks_page;
+mod relocate;
 
 use std::process::ExitCode;
 
@@ -24,6 +25,7 @@ pub struct Arguments {
 enum Command {
     Build(build::Build),
     Picks(picks::Picks),
+    Relocate(relocate::Relocate),
 }
 
 /// Exit status of a build whose verdict is red.
@@ -48,6 +50,7 @@ impl Command {
         match self {
             Self::Build(command) => command.run(console),
             Self::Picks(command) => command.run(console),
+            Self::Relocate(command) => command.run(console),
         }
     }
 }

@@ -190,7 +190,7 @@ pub(super) fn start_build(session: &Arc<Session>) {
 }
 
 fn build(session: &Session) -> Result<BuildReport> {
-    let _lock = pipeline::lock_room(session.room())?;
+    let _lock = pipeline::lock_room(session.room(), "recon picks --page")?;
     pipeline::build(session.project(), session.room(), session.options(), &mut |step| {
         session.update(|state| state.build = Progress::step(step));
     })

@@ -27,6 +27,21 @@ pub struct DepthMap {
     pub z_m: Vec<f32>,
 }
 
+/// Depth of a surface, as far as it is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceDepth {
+    /// Metres along the camera's z.
+    pub z_m: f64,
+    /// Standard deviation, metres: that of reconstructed surfaces, and at the edges of things the half of the step, since
+    /// a picture's edge and the map's are some pixels apart.
+    pub sigma_m: f64,
+}
+
+/// Standard deviation of a reconstructed surface's depth, as a share of it.
+const RELATIVE_SIGMA: f64 = 0.012;
+/// Distance within which a depth step makes a pixel's depth uncertain, pixels.
+const AROUND_PX: u32 = 2;
+
 impl DepthMap {
     /// Depth map of a room without geometry.
     pub fn nothing(width: u32, height: u32) -> Self {
@@ -40,6 +55,27 @@ impl DepthMap {
         } else {
             0.0
         }
+    }
+
+    /// Depth of the surface behind a pixel of the map; `None` where nothing is hit, and outside the image.
+    pub fn surface_at(&self, pixel: &Point2<f64>) -> Option<SurfaceDepth> {
+        let (u, v) = (pixel.x.round(), pixel.y.round());
+        if !(u >= 0.0 && v >= 0.0 && u < f64::from(self.width) && v < f64::from(self.height)) {
+            return None;
+        }
+        let (u, v) = (u as u32, v as u32);
+        let z = Some(self.at(u, v)).filter(|z| *z > 0.0)?;
+        let (mut nearest, mut farthest) = (z, z);
+        for row in v.saturating_sub(AROUND_PX)..=v + AROUND_PX {
+            for column in u.saturating_sub(AROUND_PX)..=u + AROUND_PX {
+                let near = self.at(column, row);
+                if near > 0.0 {
+                    (nearest, farthest) = (nearest.min(near), farthest.max(near));
+                }
+            }
+        }
+        let (z_m, spread_m) = (f64::from(z), f64::from(farthest - nearest));
+        Some(SurfaceDepth { z_m, sigma_m: (RELATIVE_SIGMA * z_m).hypot(0.5 * spread_m) })
     }
 
     /// Fraction of pixels that see a surface.

@@ -22,7 +22,10 @@ use crate::geometry::Geometry;
 use crate::polygon::Polygon;
 use crate::{Error, Result};
 
-pub use edit::{Drawing, Edited, EditedDrawing, OnConflict, SavedDrawing, SceneVersion, save_drawing};
+pub use edit::{
+    Drawing, Edited, EditedDrawing, MovedCamera, OnConflict, SavedDrawing, SceneVersion, save_drawing,
+    save_moved_camera,
+};
 pub use geo::Geo;
 pub use marking::{Line, Region};
 pub use read::{Markings, files_of, read_markings};

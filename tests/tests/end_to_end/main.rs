@@ -22,6 +22,7 @@ mod parsers;
 mod recon_board;
 mod recon_picks;
 mod recon_refusals;
+mod recon_relocate;
 mod recon_resume;
 mod refusal;
 mod run_refusals;

@@ -127,6 +127,7 @@ fn shifts(args: &CheckArgs, room: &Room, films: &[NamedSource]) -> anyhow::Resul
         needs: Needs { masks: true, pictures: false, empty_scene: false },
         drawing: Drawing { looks: &looks, demand: PictureDemand::Never },
         pace: Pace::Free,
+        out: None,
     };
     let (times, alignments) = clocks.into_parts();
     let stations = builder.build(sources, times)?.into_iter().map(|built| built.station).collect();

@@ -117,6 +117,7 @@ fn follow(
         needs: method.needs(),
         drawing: Drawing { looks: &looks, demand },
         pace: if is_live { Pace::Live } else { Pace::Free },
+        out: Some(&args.out),
     };
     let Started { ports, events: station_events, downlink } =
         input.start(args, &room, &builder, method.as_mut(), threads)?;

@@ -125,6 +125,7 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         needs: Needs { masks: true, pictures: false, empty_scene: false },
         drawing: Drawing { looks: &FilmOptions::default(), demand },
         pace: if is_live || args.method.is_some() { Pace::Live } else { Pace::Free },
+        out: None,
     };
     let (times, _) = clocks.into_parts();
     let station = builder.build(sources, times)?.remove(0).station;

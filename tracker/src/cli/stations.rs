@@ -16,7 +16,9 @@ use crate::foreground::{Foreground, InitialBackground};
 use crate::method::Needs;
 use crate::prepared_room::{PreparedCamera, PreparedRoom};
 use crate::source::{CameraSource, CaptureTimes, VideoSource};
-use crate::station::{LiveStation, Masks, Observer, Pace, PictureDemand, RecordedStation, Station, Work};
+use crate::station::{
+    LiveStation, Masks, Observer, Pace, PictureDemand, PoseFollower, RecordedStation, Station, Work,
+};
 
 /// Options of the films or the page, and the demand for their pictures.
 #[derive(Clone)]
@@ -33,6 +35,8 @@ pub(super) struct StationBuilder<'a> {
     pub(super) drawing: Drawing<'a>,
     /// Playback speed of recordings: beside live cameras the recorded speed.
     pub(super) pace: Pace,
+    /// Folder of the run, for the pose of a camera that turns; `None` where nothing is written.
+    pub(super) out: Option<&'a Path>,
 }
 
 /// A station and its empty scene.
@@ -107,7 +111,9 @@ impl StationBuilder<'_> {
             }
             _ => Masks::Unneeded(Health::default()),
         };
-        let observer = Observer::new(self.room, &name, made, self.needs)?;
+        let record = self.out.map(|out| out.join(format!("moved_{name}.toml")));
+        let observer = Observer::new(self.room, &name, made, self.needs)?
+            .with_pose_watch(PoseFollower::new(of_stage, record));
         let drawn = (self.drawing.looks.panel_px(of_stage), self.drawing.demand.clone());
         let work = match video {
             Some(VideoSource::Live(source)) => {

@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Point2, Rotation3, Vector3};
 use scenes::room::{Room, RoomCamera};
 
 use super::film_times::{self, FilmTimes};
+use super::pose_watch::{PoseFinding, PoseWatch};
 use super::views::{self, EmptyScene};
 
 /// Brightness of a direction: three sizes of soft cells with edges, of a world with this seed.
@@ -158,4 +159,66 @@ fn gaps_wrong_rates_and_late_starts_are_told() {
         found[0]
     );
     assert_eq!(film_times::starts(&[clean, times("b", 12.0, Vec::new())]), []);
+}
+
+/// Findings at one picture each half of a second.
+fn findings_of_watch(pictures: &[RgbImage]) -> Vec<PoseFinding> {
+    let mut watch = PoseWatch::new(lens());
+    pictures.iter().enumerate().map(|(i, p)| watch.look(p, 0.5 * i as f64).unwrap()).collect()
+}
+
+/// The picture with a rectangle in another colour.
+fn covered(picture: &RgbImage, [left, top, width, height]: [u32; 4], level: u8) -> RgbImage {
+    let mut picture = picture.clone();
+    for (x, y) in (left..left + width).flat_map(|x| (top..top + height).map(move |y| (x, y))) {
+        picture.put_pixel(x, y, Rgb([level.wrapping_add((7 * x + 3 * y) as u8 % 40); 3]));
+    }
+    picture
+}
+
+#[test]
+fn a_camera_that_turns_during_a_run_is_noticed_and_never_found_unmoved_again() {
+    let still = picture(&Rotation3::identity(), 1, 3);
+    for degrees in [0.5_f64, 1.0, 4.0] {
+        let turn =
+            Rotation3::from_scaled_axis(Vector3::new(0.3, 1.0, 0.1).normalize() * degrees.to_radians());
+        let turned = picture(&turn, 1, 6);
+        let mut shown = vec![still.clone(); 3];
+        shown.extend(vec![turned; 5]);
+        // Back to within less than what counts as a turn: the pose is not the room's any more.
+        shown.push(picture(&Rotation3::from_euler_angles(0.0, 0.15_f64.to_radians(), 0.0), 1, 6));
+        let found = findings_of_watch(&shown);
+        assert_eq!(found[..3], [PoseFinding::Unmoved; 3], "{degrees}");
+        assert_eq!(found[3..5], [PoseFinding::Doubtful, PoseFinding::Moved], "{degrees}: {found:?}");
+        assert!(found[5..8].contains(&PoseFinding::AtRest), "{degrees}: {found:?}");
+        assert!(!found[5..].contains(&PoseFinding::Unmoved), "{degrees}: {found:?}");
+    }
+}
+
+#[test]
+fn people_shadows_flicker_and_a_moved_chair_are_no_turn() {
+    let still = Rotation3::identity();
+    let empty = picture(&still, 1, 3);
+    let relit = |factor: f64| {
+        let mut other = empty.clone();
+        other.iter_mut().for_each(|v| *v = (f64::from(*v) * factor).min(255.0) as u8);
+        other
+    };
+    let mut shaded = relit(0.55);
+    for (x, y) in (0..240).flat_map(|x| (0..360).map(move |y| (x, y))) {
+        shaded.put_pixel(x, y, *empty.get_pixel(x, y));
+    }
+    let shown = [
+        empty.clone(),
+        picture(&still, 1, 25),
+        covered(&empty, [60, 60, 110, 300], 20),
+        covered(&covered(&empty, [100, 40, 150, 320], 20), [280, 40, 150, 320], 120),
+        shaded,
+        relit(1.6),
+        relit(0.4),
+        covered(&empty, [300, 250, 80, 90], 90),
+        RgbImage::new(480, 360),
+        empty.clone(),
+    ];
+    assert_eq!(findings_of_watch(&shown), [PoseFinding::Unmoved; 10]);
 }

@@ -25,7 +25,7 @@ const TURNED_SHARE: f64 = 0.5;
 /// Factor by which another camera's reference picture must agree better.
 const MUCH_BETTER: usize = 3;
 /// Turn of a camera that is told, degrees.
-const TURNED_DEG: f64 = 0.3;
+pub(super) const TURNED_DEG: f64 = 0.3;
 /// Share of the agreeing matches that would agree without a turn, too, of a camera that has not turned.
 const UNMOVED_SHARE: f64 = 0.5;
 /// Fewest keypoints of a picture that could be recognised.
@@ -150,11 +150,7 @@ fn compare_one(
         }
         return Ok((report, None));
     }
-    let is_turned = here.agreeing >= CLEARLY_AGREEING
-        && here.agreeing as f64 >= TURNED_SHARE * here.matches as f64
-        && here.angle_deg() >= TURNED_DEG
-        && (here.unmoved as f64) < UNMOVED_SHARE * here.agreeing as f64;
-    if is_turned {
+    if is_turned(&here) {
         return finding(format!(
             "camera `{}` has turned by {:.1}° since the room's reference picture, {} ({} points agree): turn it back, or build \
              the room from a capture that ends at its present pose",
@@ -185,6 +181,14 @@ fn compare_one(
         }
     }
     Ok((report, None))
+}
+
+/// Whether a camera has turned: most matches agree on one rotation, and few without it.
+pub(super) fn is_turned(agreement: &Agreement) -> bool {
+    agreement.agreeing >= CLEARLY_AGREEING
+        && agreement.agreeing as f64 >= TURNED_SHARE * agreement.matches as f64
+        && agreement.angle_deg() >= TURNED_DEG
+        && (agreement.unmoved as f64) < UNMOVED_SHARE * agreement.agreeing as f64
 }
 
 /// Direction in which the camera has turned, in words.

@@ -95,7 +95,7 @@ pub enum CameraState {
     Frozen,
     /// Its picture is dark.
     Dark,
-    /// Nearly its whole picture changed at once: it was moved, or lights were switched.
+    /// It stands elsewhere than the room has it; or nearly its whole picture changed at once, as by switched lights.
     Moved,
     /// It can be used again.
     Back,
@@ -133,7 +133,7 @@ impl CameraState {
             Verdict::Usable | Verdict::Between => Some(Self::Back),
             Verdict::Frozen => Some(Self::Frozen),
             Verdict::Dark => Some(Self::Dark),
-            Verdict::AllForeground => Some(Self::Moved),
+            Verdict::AllForeground | Verdict::Moved => Some(Self::Moved),
             Verdict::Lost | Verdict::Silent | Verdict::OtherShape => Some(Self::Lost),
             Verdict::Learning => None,
         }

@@ -168,6 +168,15 @@ impl Foreground {
         })
     }
 
+    /// Foreground of the same camera after it has turned: the background is learnt anew.
+    ///
+    /// # Errors
+    /// An error of OpenCV.
+    pub fn begun_anew(&self) -> Result<Self> {
+        let (width, height) = self.people.dimensions();
+        Self::new(width, height, InitialBackground::Nothing(AdaptiveKind::default()), self.options.clone())
+    }
+
     /// Computes the mask of the next frame (255 foreground, 0 background). Returns whether it can be used.
     ///
     /// # Errors

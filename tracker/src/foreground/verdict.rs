@@ -11,6 +11,8 @@ pub enum Verdict {
     Dark,
     /// Nearly everything has suddenly become foreground: a switched light, or a moved camera.
     AllForeground,
+    /// The camera stands elsewhere than the room has it.
+    Moved,
     /// A background that is learnt during the run has not seen enough yet.
     Learning,
     /// A live stream has broken off; it is being opened again.
@@ -37,6 +39,7 @@ impl std::fmt::Display for Verdict {
             Self::Frozen => "frozen",
             Self::Dark => "dark",
             Self::AllForeground => "all foreground (light switched or camera moved)",
+            Self::Moved => "it has turned or was moved",
             Self::Learning => "learning its background",
             Self::Lost => "its stream has broken off (it is opened again, once a second)",
             Self::Silent => "sends no pictures",

@@ -4,6 +4,7 @@
 //! * [`RecordedStation`] — every frame of a recording in order, as fast as the gathering takes them or at the recorded
 //!   speed.
 //! * [`LiveStation`] — the newest picture of a live camera; frames that it cannot keep up with are passed over.
+//! * [`PoseFollower`] — a camera that turns during the run.
 //! * [`start`] — a station on a thread of this process, and the [`Port`] by which the gathering reaches it. A station in a
 //!   process of its own does the same work and sends its events over the network ([`crate::wire`]).
 
@@ -11,6 +12,7 @@ mod live;
 mod observer;
 mod permits;
 mod port;
+mod pose_follower;
 mod recorded;
 mod seen;
 
@@ -21,6 +23,7 @@ pub use live::LiveStation;
 pub use observer::{FrameInput, Masks, Observer};
 pub use permits::Permits;
 pub use port::{Inbox, Port};
+pub use pose_follower::PoseFollower;
 pub use recorded::{Pace, RecordedStation};
 pub use seen::{Event, ObservedFrame, PictureDemand, Pictures};
 

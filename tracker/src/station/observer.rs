@@ -6,6 +6,7 @@ use std::sync::Arc;
 use calib::undistort::UndistortMap;
 use image::{GrayImage, RgbImage};
 
+use super::pose_follower::{CameraPose, PoseFollower};
 use crate::foreground::health::{self, Health};
 use crate::foreground::{Foreground, Verdict};
 use crate::method::Needs;
@@ -68,6 +69,7 @@ pub struct Observer {
     needs: Needs,
     size: (u32, u32),
     undistort: UndistortMap,
+    follower: Option<PoseFollower>,
     camera: PreparedCamera,
     colour_step: u8,
     /// The camera at the sampler's resolution, for the silhouettes of believed people.
@@ -112,6 +114,7 @@ impl Observer {
             needs,
             size,
             undistort: camera.undistort.clone(),
+            follower: None,
             camera: camera.clone(),
             colour_step: block.saturating_mul(COLOUR_BLOCKS),
             view: View::coarse(camera, block),
@@ -124,6 +127,13 @@ impl Observer {
             mask: GrayImage::new(size.0, size.1),
             pinhole: GrayImage::new(size.0, size.1),
         })
+    }
+
+    /// The same observer, which notices when the camera turns, sets it aside, and follows it on where its pose is certain:
+    /// what the camera sees is then put where it saw it before. Only for pictures whose background is subtracted.
+    #[must_use]
+    pub fn with_pose_watch(self, follower: PoseFollower) -> Self {
+        Self { follower: Some(follower), ..self }
     }
 
     /// Width and height of the pictures and masks that it takes, pixels.
@@ -140,7 +150,18 @@ impl Observer {
         let FrameInput { picture, mask, boxes } = *frame;
         let health = match (&mut self.masks, picture, mask) {
             (Masks::Subtracted(foreground), Some(picture), _) => {
-                foreground.mask(picture, time_s, &mut self.mask)?
+                let pose = match &mut self.follower {
+                    Some(follower) => follower.look(picture, time_s)?,
+                    None => CameraPose::AsBefore,
+                };
+                if let CameraPose::Turned(turn) = &pose {
+                    self.undistort = UndistortMap::turned(&self.camera.real.intrinsics, turn);
+                    **foreground = foreground.begun_anew()?;
+                }
+                match pose {
+                    CameraPose::SetAside => Verdict::Moved,
+                    _ => foreground.mask(picture, time_s, &mut self.mask)?,
+                }
             }
             (Masks::Ready { from }, _, Some(given)) => take_mask(given, *from, &mut self.mask),
             (Masks::Unneeded(health), Some(picture), _) => match () {
@@ -152,7 +173,7 @@ impl Observer {
             _ => Verdict::Lost,
         };
         let mut observation = Observation::unusable(sequence, time_s, health);
-        if !matches!(health, Verdict::Frozen | Verdict::Dark | Verdict::Lost) {
+        if !matches!(health, Verdict::Frozen | Verdict::Dark | Verdict::Lost | Verdict::Moved) {
             let in_pinhole = |detected: &DetectedBox| PersonBox {
                 appearance: detected.appearance.clone(),
                 ..self.camera.to_pinhole_box(&detected.pixels)

@@ -7,8 +7,10 @@
 //! * [`save_drawing`] — reads, merges, checks, writes. Start here.
 //! * [`merge`] — the drawing as it was loaded, as it was edited, and as the file has it now, made into one.
 //! * [`tables`] — other tables of one kind in the document; [`floor`] — another `[floor]`.
+//! * [`camera`] — another pose and reference picture of one camera.
 //! * [`drawn_table`] — what zones, regions and lines have in common.
 
+mod camera;
 mod drawn_table;
 mod floor;
 mod merge;
@@ -29,6 +31,7 @@ use crate::polygon::Polygon;
 use crate::{Error, Result};
 use drawn_table::{is_same, is_same_outline, stated};
 
+pub use camera::{MovedCamera, save_moved_camera};
 pub use merge::{Edited, EditedDrawing, OnConflict};
 
 /// Version of a `scene.toml`: a hash of its bytes.
@@ -168,10 +171,15 @@ fn rewritten(text: &str, present: &Drawing, drawing: &Drawing) -> std::result::R
     tables::replace(&mut document, &present.regions, &drawing.regions);
     tables::replace(&mut document, &present.lines, &drawing.lines);
     floor::replace(&mut document, &present.floor, &drawing.floor);
+    Ok(as_ended(text, &document))
+}
+
+/// Text of a changed document, with the line ends of the `text` that it was parsed from.
+fn as_ended(text: &str, document: &DocumentMut) -> String {
     let mut rewritten = document.to_string();
     if !text.ends_with('\n') && rewritten.ends_with('\n') {
         rewritten.pop();
     }
     // The document is written with line feeds alone.
-    Ok(if text.contains("\r\n") { rewritten.replace('\n', "\r\n") } else { rewritten })
+    if text.contains("\r\n") { rewritten.replace('\n', "\r\n") } else { rewritten }
 }

@@ -135,7 +135,7 @@ fn state(verdict: Verdict) -> Option<&'static str> {
         Verdict::Lost | Verdict::Silent | Verdict::OtherShape => Some("lost"),
         Verdict::Frozen => Some("frozen"),
         Verdict::Dark => Some("dark"),
-        Verdict::AllForeground => Some("moved"),
+        Verdict::AllForeground | Verdict::Moved => Some("moved"),
     }
 }
 

@@ -297,6 +297,7 @@ fn health_code(health: Verdict) -> u8 {
         Verdict::Between => 6,
         Verdict::Silent => 7,
         Verdict::OtherShape => 8,
+        Verdict::Moved => 9,
     }
 }
 
@@ -311,6 +312,7 @@ fn health_of(code: u8) -> Decoded<Verdict> {
         6 => Verdict::Between,
         7 => Verdict::Silent,
         8 => Verdict::OtherShape,
+        9 => Verdict::Moved,
         _ => return Err(Malformed("an observation's health is unknown")),
     })
 }

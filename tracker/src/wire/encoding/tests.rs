@@ -15,7 +15,8 @@ use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, InitialBackground};
 use crate::observation::{Colours, Mask};
 
-const HEALTHS: [Verdict; 9] = [
+const HEALTHS: [Verdict; 10] = [
+    Verdict::Moved,
     Verdict::Usable,
     Verdict::Frozen,
     Verdict::Dark,
@@ -124,7 +125,7 @@ fn every_health_returns_and_others_are_refused() {
         };
         let mut bytes = Message::Seen(Box::new(seen)).encode().unwrap();
         assert_eq!(decoded(&bytes, Limits::NO_MASK).observation, observation);
-        bytes[11] = 9;
+        bytes[11] = 10;
         let refused = Message::decode(&bytes, Limits::NO_MASK).unwrap_err();
         assert_eq!(refused, Malformed("an observation's health is unknown"));
     }

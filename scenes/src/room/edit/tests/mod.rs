@@ -1,6 +1,7 @@
 //! Preserved and changed bytes of a `scene.toml`.
 
 mod merging;
+mod moving;
 
 use super::*;
 use crate::room::{Room, SCENE_FILE, ZoneKind};

@@ -1,0 +1,176 @@
+//! Least squares over the pose, its covariance, and the judgement whether it is certain enough.
+//!
+//! The covariance is the larger one of two. The model's, `H⁻¹` times the residuals' variance, takes the sightings for
+//! independent. The sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` sums the gradients `g` over the sightings of a cell first (K.-Y. Liang &
+//! S. Zeger, "Longitudinal data analysis using generalized linear models", Biometrika 73, 1986), so that a cell whose
+//! depth is wrong as a whole counts once.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Matrix2, Matrix6, SMatrix, SVector, Vector6};
+
+use super::sighting::{AGREES_SIGMAS, Sighting};
+use super::{Doubt, LEAST_AGREEING, LEAST_CELLS, MOST_SIGMA_DEG, MOST_SIGMA_M, MOST_SIGMA_SHARE, Relocation};
+use crate::Intrinsics;
+use crate::least_squares::{Loss, NormalEquations, Options, Problem, by_pose, minimise, moved_pose};
+
+/// Number of times that the residuals are weighted anew, by the pose found last.
+const ROUNDS: usize = 4;
+/// Weighted residual from which on a sighting's influence falls.
+const LOSS: Loss = Loss::Cauchy(2.0);
+/// Weighted residual beyond which a sighting has no part, first and last.
+const REACH_SIGMAS: [f64; 2] = [4.0 * AGREES_SIGMAS, 2.0 * AGREES_SIGMAS];
+
+/// Factors of the depths' uncertainty that are tried.
+const DEPTH_FACTORS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
+
+/// Weighted reprojection of sightings.
+struct WeightedReprojection<'a> {
+    intrinsics: &'a Intrinsics,
+    sightings: Vec<(&'a Sighting, Matrix2<f64>)>,
+}
+
+impl<'a> WeightedReprojection<'a> {
+    /// Problem of the sightings within `reach` standard deviations of their pixels, weighted at a pose.
+    fn at(intrinsics: &'a Intrinsics, sightings: &'a [Sighting], pose: &Isometry3<f64>, reach: f64) -> Self {
+        let near = sightings.iter().filter(|s| s.squared(intrinsics, pose) < reach * reach);
+        let weighted = near.map(|s| (s, s.whitening(intrinsics, pose)));
+        Self { intrinsics, sightings: weighted.collect() }
+    }
+
+    /// Weighted residual of a sighting, and its derivative by the pose.
+    fn residual(
+        &self,
+        sighting: &Sighting,
+        whitening: &Matrix2<f64>,
+        pose: &Isometry3<f64>,
+    ) -> Option<(SVector<f64, 2>, SMatrix<f64, 2, 6>)> {
+        let residual = sighting.residual_px(self.intrinsics, pose)?;
+        let place = pose * sighting.world;
+        let jacobian = self.intrinsics.project_jacobian(&place) * by_pose(&place);
+        Some((whitening * residual, whitening * jacobian))
+    }
+}
+
+impl Problem for WeightedReprojection<'_> {
+    type State = Isometry3<f64>;
+    type Equations = NormalEquations<6>;
+
+    fn cost(&self, pose: &Isometry3<f64>) -> f64 {
+        let squared = |(sighting, whitening): &(&Sighting, Matrix2<f64>)| {
+            let residual = sighting.residual_px(self.intrinsics, pose);
+            residual.map_or(f64::INFINITY, |residual| LOSS.cost((whitening * residual).norm_squared()))
+        };
+        self.sightings.iter().map(squared).sum()
+    }
+
+    fn linearise(&self, pose: &Isometry3<f64>) -> NormalEquations<6> {
+        let mut equations = NormalEquations::default();
+        for (sighting, whitening) in &self.sightings {
+            let Some((residual, jacobian)) = self.residual(sighting, whitening, pose) else { continue };
+            equations.add(&jacobian, &residual, LOSS.weight(residual.norm_squared()));
+        }
+        equations
+    }
+
+    fn moved(&self, pose: &Isometry3<f64>, step: &Vector6<f64>) -> Isometry3<f64> {
+        moved_pose(pose, step.as_slice())
+    }
+}
+
+/// The pose of least weighted residuals near `start`.
+pub(super) fn adjusted(
+    intrinsics: &Intrinsics,
+    sightings: &[Sighting],
+    start: &Isometry3<f64>,
+) -> Isometry3<f64> {
+    let mut pose = *start;
+    for round in 0..ROUNDS {
+        let reach = REACH_SIGMAS[usize::from(round > 0)];
+        let problem = WeightedReprojection::at(intrinsics, sightings, &pose, reach);
+        minimise(&problem, &mut pose, &Options::default());
+    }
+    pose
+}
+
+/// The adjusted pose, and the sightings with the uncertainty of their depths by which their residuals are most likely:
+/// how good a room's surfaces are differs from room to room.
+pub(super) fn adjusted_with_depths(
+    intrinsics: &Intrinsics,
+    sightings: &[Sighting],
+    start: &Isometry3<f64>,
+) -> (Isometry3<f64>, Vec<Sighting>) {
+    let near: Vec<Sighting> = {
+        let widest = |s: &&Sighting| {
+            let wide = s.with_depth_uncertainty(DEPTH_FACTORS[DEPTH_FACTORS.len() - 1]);
+            wide.squared(intrinsics, start) < REACH_SIGMAS[1] * REACH_SIGMAS[1]
+        };
+        sightings.iter().filter(widest).copied().collect()
+    };
+    let tried = DEPTH_FACTORS.map(|factor| {
+        let scaled: Vec<Sighting> = near.iter().map(|s| s.with_depth_uncertainty(factor)).collect();
+        let pose = adjusted(intrinsics, &scaled, start);
+        let unlikeliness = |s: &Sighting| {
+            let squared = s.squared(intrinsics, &pose).min(1e6);
+            LOSS.cost(squared) + s.log_determinant(intrinsics, &pose)
+        };
+        (scaled.iter().map(unlikeliness).sum::<f64>(), pose, scaled)
+    });
+    // There is at least one factor, and the start for a sum that is no number.
+    let best = tried.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    best.map_or_else(|| (*start, near), |(_, pose, scaled)| (pose, scaled))
+}
+
+/// The pose with its uncertainty, or the reason for which it is not to be trusted. `matches` is the number of sightings
+/// by looks alone.
+pub(super) fn judged(
+    intrinsics: &Intrinsics,
+    sightings: &[Sighting],
+    pose: &Isometry3<f64>,
+    matches: usize,
+) -> Result<Relocation, Doubt> {
+    let problem = WeightedReprojection::at(intrinsics, sightings, pose, AGREES_SIGMAS);
+    let agreeing = problem.sightings.len();
+    if agreeing < LEAST_AGREEING {
+        return Err(Doubt::Unrecognised { agreeing, matches });
+    }
+    let mut matrix = Matrix6::zeros();
+    let (mut squared, mut squared_px) = (0.0, 0.0);
+    let mut gradients: BTreeMap<u32, Vector6<f64>> = BTreeMap::new();
+    let mut distances_m = Vec::with_capacity(agreeing);
+    for (sighting, whitening) in &problem.sightings {
+        let Some((residual, jacobian)) = problem.residual(sighting, whitening, pose) else { continue };
+        let weight = LOSS.weight(residual.norm_squared());
+        matrix += weight * jacobian.transpose() * jacobian;
+        *gradients.entry(sighting.cell).or_default() += weight * jacobian.transpose() * residual;
+        squared += weight * residual.norm_squared();
+        squared_px += sighting.residual_px(intrinsics, pose).map_or(0.0, |r| r.norm_squared());
+        distances_m.push((pose * sighting.world).coords.norm());
+    }
+    let cells = gradients.len();
+    if cells < LEAST_CELLS {
+        return Err(Doubt::Crowded { agreeing });
+    }
+    let Some(inverse) = matrix.try_inverse() else { return Err(Doubt::Crowded { agreeing }) };
+    // Two residuals a sighting, less the six unknowns.
+    let variance = (squared / (2.0 * agreeing as f64 - 6.0)).max(1.0);
+    let meat: Matrix6<f64> = gradients.values().map(|g| g * g.transpose()).sum();
+    // Cells, less the six unknowns that fit them.
+    let cells = cells as f64;
+    let sandwich = inverse * meat * inverse * (cells / (cells - 6.0));
+    let sigmas = [inverse * variance, sandwich].map(|covariance| {
+        let turn = covariance.fixed_view::<3, 3>(0, 0).trace();
+        // The camera's centre is −Rᵀ t: a step (ω, τ) moves it by −Rᵀ τ, since ω turns about the camera itself.
+        let shift = covariance.fixed_view::<3, 3>(3, 3).trace();
+        (shift.max(0.0).sqrt(), turn.max(0.0).sqrt().to_degrees())
+    });
+    let sigma_m = sigmas[0].0.max(sigmas[1].0);
+    let sigma_deg = sigmas[0].1.max(sigmas[1].1);
+    distances_m.sort_by(f64::total_cmp);
+    let most_m = MOST_SIGMA_M.max(MOST_SIGMA_SHARE * distances_m[distances_m.len() / 2]);
+    if !(sigma_m <= most_m && sigma_deg <= MOST_SIGMA_DEG) {
+        return Err(Doubt::Uncertain { sigma_m, sigma_deg });
+    }
+    let rms_px = (squared_px / agreeing as f64).sqrt();
+    Ok(Relocation { camera_from_world: *pose, sigma_m, sigma_deg, matches, agreeing, rms_px })
+}

@@ -1,0 +1,175 @@
+//! `recon relocate`: where a camera of a finished room stands now, from one picture.
+//!
+//! The landmarks are keypoints of the room's reference pictures, the camera's own and the others', lifted by the room's
+//! depth; [`calib::relocation`] has the estimation. What follows from a new pose: the camera's reference picture, which
+//! shows the view from its pose, becomes the new picture. Depth maps are rendered from the geometry and are kept under a
+//! hash of the pose, so they need no care; geometry, floor and zones are the room's, not the camera's.
+
+use std::path::{Path, PathBuf};
+
+use calib::relocation::{Landmarks, Relocation, SceneDepth};
+use calib::video::FrameSource;
+use calib::{Camera, picture};
+use image::imageops::{self, FilterType};
+use image::{GrayImage, RgbImage};
+use nalgebra::{Point3, Vector3};
+use scenes::depth::{self, DepthMap};
+use scenes::room::{MovedCamera, Room, RoomCamera, save_moved_camera};
+
+use crate::{Error, Result};
+
+/// Larger side to which pictures are brought, pixels: more tells keypoints no better and takes longer.
+const SIDE_PX: u32 = 1600;
+/// Relative difference of two aspect ratios that counts as the same shape.
+const SAME_SHAPE: f64 = 0.01;
+
+/// Present pose of a camera.
+#[derive(Debug, Clone)]
+pub struct Relocated {
+    /// Pose, uncertainty and matches.
+    pub found: Relocation,
+    /// Distance from the pose that the room has, metres.
+    pub moved_m: f64,
+    /// Angle from the pose that the room has, degrees.
+    pub turned_deg: f64,
+    /// Present position, metres.
+    pub position: Point3<f64>,
+    picture: RgbImage,
+}
+
+impl Relocated {
+    /// Tells whether the camera stands where the room has it, as far as the picture can tell.
+    pub fn is_unmoved(&self) -> bool {
+        self.moved_m <= 2.0 * self.found.sigma_m && self.turned_deg <= 2.0 * self.found.sigma_deg
+    }
+}
+
+/// Estimates where a camera of a room stands now. `image` is a picture file, or whatever else pictures come from.
+///
+/// # Errors
+/// One line for a room without geometry or reference pictures, a picture that cannot be read or has another size than
+/// the camera's, and a pose that is not certain.
+pub fn relocate(room_dir: &Path, room: &Room, camera_name: &str, image: &str) -> Result<Relocated> {
+    let camera = room.camera(camera_name)?;
+    if room.geometry.is_none() {
+        return Err(Error::content(
+            room_dir,
+            "geometry",
+            "the room has none, so its reference pictures have no depth; build it with `recon build`",
+        ));
+    }
+    let picture = read_picture(image)?;
+    let k = &camera.camera.intrinsics;
+    let refused = |problem: String| Error::content(Path::new(image), "picture", problem);
+    if picture.dimensions() != (k.width, k.height) {
+        let (width, height) = picture.dimensions();
+        return Err(refused(format!(
+            "is {width} × {height} pixels, camera `{camera_name}` has {} × {}; give a picture as the camera takes it",
+            k.width, k.height
+        )));
+    }
+    let references = landmarks(room_dir, room, camera)?;
+    let grey = working_size(&picture);
+    let found = calib::relocation::relocate(&grey, &k.resized(grey.width(), grey.height()), &references)?;
+    let found = found.map_err(|doubt| {
+        refused(format!(
+            "it is not certain where camera `{camera_name}` stands: {doubt}; take a sharp picture of the empty room, or build \
+             the room from a new capture"
+        ))
+    })?;
+    let after = Camera { intrinsics: k.clone(), camera_from_world: found.camera_from_world };
+    let turn = found.camera_from_world.rotation.angle_to(&camera.camera.camera_from_world.rotation);
+    let position = after.center();
+    let moved_m = (position - camera.camera.center()).norm();
+    Ok(Relocated { found, moved_m, turned_deg: turn.to_degrees(), position, picture })
+}
+
+/// Writes a camera's present pose into the room, with the picture `image` as its reference picture. Returns the path of
+/// the reference picture in the room directory.
+///
+/// # Errors
+/// As [`save_moved_camera`].
+pub fn write(room_dir: &Path, before: &RoomCamera, found: &Relocated, image: &str) -> Result<PathBuf> {
+    let (picture, ending) = file_content(Path::new(image), &found.picture)?;
+    let camera_from_world = found.found.camera_from_world;
+    let moved = MovedCamera { before, camera_from_world, picture: &picture, ending };
+    Ok(save_moved_camera(room_dir, &moved)?)
+}
+
+/// Bytes of a picture file, and the ending of its name: those of the file itself where it is an upright picture.
+fn file_content(file: &Path, picture: &RgbImage) -> Result<(Vec<u8>, &'static str)> {
+    let ending = file.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
+    let known = ["jpg", "png"].into_iter().find(|known| {
+        ending.as_deref().is_some_and(|ending| ending == *known || (ending == "jpeg" && *known == "jpg"))
+    });
+    if let Some(ending) = known
+        && file.is_file()
+        && picture::is_upright(file)?
+    {
+        let bytes = std::fs::read(file).map_err(|source| Error::Io { path: file.to_owned(), source })?;
+        return Ok((bytes, ending));
+    }
+    Ok((picture::encode(Path::new("reference.png"), picture)?, "png"))
+}
+
+/// Landmarks of the reference pictures that can be used, the camera's own first.
+fn landmarks(room_dir: &Path, room: &Room, own: &RoomCamera) -> Result<Vec<Landmarks>> {
+    let others = room.cameras.iter().filter(|other| other.name != own.name);
+    let mut found = Vec::new();
+    for camera in std::iter::once(own).chain(others) {
+        let Some(path) = &camera.reference else { continue };
+        let path = room_dir.join(path);
+        if !path.is_file() {
+            continue; // `Room::read` has warned of it.
+        }
+        let picture = picture::read(&path)?.into_rgb8();
+        let k = &camera.camera.intrinsics;
+        let shape = |width: u32, height: u32| f64::from(width) / f64::from(height);
+        let stretched = shape(picture.width(), picture.height()) / shape(k.width, k.height);
+        if (stretched - 1.0).abs() > SAME_SHAPE {
+            tracing::warn!("{}: has not the shape of camera `{}`'s pictures", path.display(), camera.name);
+            continue;
+        }
+        let grey = working_size(&picture);
+        let map = depth::cached(room_dir, room, &camera.name)?;
+        let intrinsics = k.resized(grey.width(), grey.height());
+        let view = Camera { intrinsics, camera_from_world: camera.camera.camera_from_world };
+        found.push(Landmarks::of(&grey, &view, |ray| depth_along(&map, &camera.camera, ray))?);
+    }
+    if found.is_empty() {
+        return Err(Error::content(
+            room_dir,
+            "reference",
+            "no camera of the room has a reference picture to compare with; build the room with `recon build`",
+        ));
+    }
+    Ok(found)
+}
+
+/// Depth along a ray of a camera, from the map of its pinhole twin.
+fn depth_along(map: &DepthMap, camera: &Camera, ray: &Vector3<f64>) -> Option<SceneDepth> {
+    let pixel = camera.intrinsics.pinhole().project(&Point3::from(*ray))?;
+    let surface = map.surface_at(&pixel)?;
+    Some(SceneDepth { z_m: surface.z_m, sigma_m: surface.sigma_m })
+}
+
+fn read_picture(image: &str) -> Result<RgbImage> {
+    let mut source = FrameSource::open(image)?;
+    let (width, height) = source.size();
+    let mut picture = RgbImage::new(width, height);
+    if source.read(&mut picture)? {
+        return Ok(picture);
+    }
+    Err(Error::content(Path::new(image), "picture", "there is none; is the file whole?"))
+}
+
+fn working_size(picture: &RgbImage) -> GrayImage {
+    let grey = imageops::grayscale(picture);
+    let (width, height) = grey.dimensions();
+    let side = width.max(height);
+    if side <= SIDE_PX {
+        return grey;
+    }
+    let scaled = |length: u32| ((u64::from(length) * u64::from(SIDE_PX)) / u64::from(side)).max(1) as u32;
+    imageops::resize(&grey, scaled(width), scaled(height), FilterType::Triangle)
+}
