@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 use image::{Rgb, RgbImage};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use scenes::exchange::ModelOptions;
+use scenes::geometry::scan::Placing;
 use tracker::source::{DetectorBoxes, Times};
 use tracker::tracks::{jsonl, rows::RowFile};
 
@@ -75,6 +77,8 @@ points = [[0.0, 1.0], [2.0, 1.0]]
 const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
     element face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n";
 
+const OBJ: &str = "mtllib none.mtl\no floor\nv 0 0 0 0.5 0.5 0.5\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1 4//1\n";
+
 const NERFSTUDIO: &str = r#"{"w": 64, "h": 48, "fl_x": 60.0, "fl_y": 60.0, "cx": 32.0, "cy": 24.0, "camera_model": "OPENCV",
 "frames": [{"file_path": "a.jpg", "transform_matrix": [[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}]}"#;
 
@@ -101,7 +105,8 @@ fn files() -> Vec<(&'static str, Vec<u8>, Read)> {
         ("scene.toml", text(ROOM), |p| told(scenes::room::Room::read(p.parent().unwrap()))),
         ("zones.toml", text(ROOM), |p| told(scenes::room::read_markings(p))),
         ("room.ply", text(PLY), |p| told(scenes::geometry::ply::read(p))),
-        ("transforms.json", text(NERFSTUDIO), |p| told(scenes::exchange::cameras(p))),
+        ("room.obj", text(OBJ), |p| told(scenes::geometry::files::read(p, &Placing::default()))),
+        ("transforms.json", text(NERFSTUDIO), |p| told(scenes::exchange::model(p, &ModelOptions::default()))),
         ("lens.toml", text(lens), |p| told(calib::files::read_intrinsics(p))),
         ("options.toml", text(options), |p| told(recon::pipeline::BuildOptions::read(p))),
         ("picture.png", png.into_inner(), |p| told(calib::picture::read(p))),
