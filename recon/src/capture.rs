@@ -317,7 +317,7 @@ mod tests {
         for (reference, number) in
             [(ReferenceFrame::First, 1), (ReferenceFrame::Last, count), (ReferenceFrame::Number(102), 102)]
         {
-            let file = CaptureFile::open("cam", folder.path(), reference, None).unwrap();
+            let file = CaptureFile::open("cam", folder.path(), reference.clone(), None).unwrap();
             assert_eq!((file.count(), file.stride(), file.size()), (count, 3, (4, 3)));
             let capture = file.read().unwrap();
             assert!(capture.frames.len() <= MOST_FRAMES, "{}", capture.frames.len());

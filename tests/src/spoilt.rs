@@ -16,8 +16,10 @@ use crate::project::picks;
 
 /// Frames of a capture.
 const FRAMES: usize = 24;
-/// Number of picks of a careful person, and standard deviation of their coordinates, pixels.
-const CAREFUL_PICKS: usize = 6;
+/// Number of picks of a careful person, who chooses them far apart among this many places, and standard deviation of their
+/// coordinates, pixels.
+const CAREFUL_PICKS: usize = 8;
+const PLACES: usize = 60;
 const PICK_SIGMA_PX: f64 = 0.5;
 /// Distance of the pick that is off, pixels.
 const OFF_PX: f64 = 50.0;
@@ -127,7 +129,7 @@ impl FilmedRoom {
         let cameras = [self.camera(0), self.camera(1)];
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed ^ 0x91c5);
         let slip = Normal::new(0.0, PICK_SIGMA_PX).map_err(|e| e.to_string())?;
-        let mut all = picks(&self.room, cameras, count, self.seed)?;
+        let mut all = far_apart(picks(&self.room, cameras, PLACES, self.seed)?, count);
         for pixel in all.iter_mut().flatten() {
             *pixel += Vector2::new(slip.sample(&mut rng), slip.sample(&mut rng));
         }
@@ -149,4 +151,18 @@ impl FilmedRoom {
         }
         Ok(all)
     }
+}
+
+/// Of these places, `count` far apart in both pictures: each next one is the farthest from those chosen.
+fn far_apart(places: Vec<[Point2<f64>; 2]>, count: usize) -> Vec<[Point2<f64>; 2]> {
+    let mut chosen: Vec<[Point2<f64>; 2]> = places.first().copied().into_iter().collect();
+    let apart = |a: &[Point2<f64>; 2], b: &[Point2<f64>; 2]| (a[0] - b[0]).norm().min((a[1] - b[1]).norm());
+    while chosen.len() < count.min(places.len()) {
+        let nearest = |place: &[Point2<f64>; 2]| {
+            chosen.iter().map(|other| apart(place, other)).fold(f64::INFINITY, f64::min)
+        };
+        let next = places.iter().max_by(|a, b| nearest(a).total_cmp(&nearest(b)));
+        chosen.extend(next.copied());
+    }
+    chosen
 }

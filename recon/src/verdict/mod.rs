@@ -37,9 +37,10 @@ impl Bounds {
 const IN_THE_WAY: Bounds = Bounds { doubtful: 0.15, impossible: 0.3 };
 /// Number of pixels below which such a share tells nothing.
 const LEAST_OVERLAPPING: usize = 200;
-/// Least median correlation of the pictures where two surfaces coincide that bears a pair out, at least at this number of
-/// places; pictures that are less alike there show different things.
+/// Least median correlation of the pictures where two surfaces coincide that bears a pair out, …
 const ALIKE: f64 = 0.35;
+/// … and the largest of pictures that show different things; both at least at this number of places.
+const UNLIKE: f64 = 0.3;
 const LEAST_COMPARED: usize = 40;
 /// Number of picks that fit a pair whatever they are.
 const FITS_ANYTHING: usize = 3;
@@ -179,7 +180,7 @@ fn pairs(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec
     for pair in &evidence.pairs {
         let [a, b] = pair.cameras.map(|camera| &captures[camera].name);
         let width = pair.cameras.map(|camera| captures[camera].width).into_iter().min().unwrap_or_default();
-        let is_unlike = pair.compared >= LEAST_COMPARED && pair.correlation < ALIKE;
+        let is_unlike = pair.compared >= LEAST_COMPARED && pair.correlation < UNLIKE;
         let is_borne_out = pair.is_borne_out();
         let light = pair.contradiction();
         if light > Light::Green {
