@@ -43,14 +43,19 @@ impl FromStr for ReferenceFrame {
             "last" => Ok(Self::Last),
             _ => match text.parse() {
                 Ok(number) if number >= 1 => Ok(Self::Number(number)),
-                // Each image of a folder has an extension.
-                Err(_) if Path::new(text).extension().is_some() => Ok(Self::File(text.into())),
+                Err(_) if names_an_image(text) => Ok(Self::File(text.into())),
                 _ => Err(Error::Room(format!(
                     "reference `{text}` is none of \"first\", \"last\", a frame counted from 1 or the file name of an image"
                 ))),
             },
         }
     }
+}
+
+/// Whether a text is the file name of an image that a capture may hold.
+fn names_an_image(text: &str) -> bool {
+    let extension = Path::new(text).extension();
+    extension.is_some_and(|own| ["jpg", "jpeg", "png"].iter().any(|known| own.eq_ignore_ascii_case(known)))
 }
 
 /// A capture on disk, checked but not read into memory: films of many cameras need not be held at once.

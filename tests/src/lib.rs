@@ -7,6 +7,7 @@
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
 //! * [`mask_recording`] — exact masks of synthetic people in the files that `tracker run` reads.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
+//! * [`spoilt`] — the same with one of the usual mistakes, for the verdict of a build.
 //! * [`relocation`] — pictures of cameras that have been bumped, with their true poses.
 //! * [`network_camera`] — a fake network camera with a clock, losses and faults of its own.
 //! * [`live`] — scenarios of live input, with figures of a run on such cameras.

@@ -129,7 +129,7 @@ impl FilmedRoom {
         let cameras = [self.camera(0), self.camera(1)];
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed ^ 0x91c5);
         let slip = Normal::new(0.0, PICK_SIGMA_PX).map_err(|e| e.to_string())?;
-        let mut all = far_apart(picks(&self.room, cameras, PLACES, self.seed)?, count);
+        let mut all = far_apart(&picks(&self.room, cameras, PLACES, self.seed)?, count);
         for pixel in all.iter_mut().flatten() {
             *pixel += Vector2::new(slip.sample(&mut rng), slip.sample(&mut rng));
         }
@@ -154,7 +154,7 @@ impl FilmedRoom {
 }
 
 /// Of these places, `count` far apart in both pictures: each next one is the farthest from those chosen.
-fn far_apart(places: Vec<[Point2<f64>; 2]>, count: usize) -> Vec<[Point2<f64>; 2]> {
+fn far_apart(places: &[[Point2<f64>; 2]], count: usize) -> Vec<[Point2<f64>; 2]> {
     let mut chosen: Vec<[Point2<f64>; 2]> = places.first().copied().into_iter().collect();
     let apart = |a: &[Point2<f64>; 2], b: &[Point2<f64>; 2]| (a[0] - b[0]).norm().min((a[1] - b[1]).norm());
     while chosen.len() < count.min(places.len()) {

@@ -125,46 +125,47 @@ impl Build {
         });
         drop(stages);
         let report = report?;
-        self.summarise(&report, console);
+        summarise(&report, console);
         tell_verdict(&report.verdict, console);
         if report.verdict.light == Light::Red {
             return Err(RedRoom { asked: self.out.clone(), kept: report.room }.into());
         }
         Ok(())
     }
+}
 
-    fn summarise(&self, report: &BuildReport, console: &Console) {
-        for camera in &report.cameras {
-            console.line(&format!(
-                "{}: {} of {} frames placed, {} points to {:.2} px; {:.0} % of the image measured, {:.0} % filled",
-                camera.name,
-                camera.registered,
-                camera.frames,
-                camera.points,
-                camera.reprojection_rms_px,
-                100.0 * camera.measured_share,
-                100.0 * camera.filled_share
-            ));
-            if let Some(focal) = camera.estimated_focal_px {
-                let start = camera.focal_start.as_ref().map_or(String::new(), |s| format!(" (start: {s})"));
-                let sigma = camera.focal_sigma_px.map_or("unknown".to_owned(), |s| format!("{s:.1}"));
-                console.line(&format!(
-                    "{}: focal length {focal:.1} ± {sigma} px, estimated from the capture{start}; `calib intrinsics` does better",
-                    camera.name
-                ));
-            }
-        }
-        // A single camera is not joined to others.
-        let picks = if report.cameras.len() > 1 {
-            format!("picks to {:.2} px, ", report.pick_rms_px)
-        } else {
-            String::new()
-        };
+/// Prints what each camera and the whole room came to, a line each.
+fn summarise(report: &BuildReport, console: &Console) {
+    for camera in &report.cameras {
         console.line(&format!(
-            "{picks}floor to {:.1} cm, {} discs; the room is in {}",
-            100.0 * report.floor_rms_m,
-            report.discs,
-            report.room.display()
+            "{}: {} of {} frames placed, {} points to {:.2} px; {:.0} % of the image measured, {:.0} % filled",
+            camera.name,
+            camera.registered,
+            camera.frames,
+            camera.points,
+            camera.reprojection_rms_px,
+            100.0 * camera.measured_share,
+            100.0 * camera.filled_share
         ));
+        if let Some(focal) = camera.estimated_focal_px {
+            let start = camera.focal_start.as_ref().map_or(String::new(), |s| format!(" (start: {s})"));
+            let sigma = camera.focal_sigma_px.map_or("unknown".to_owned(), |s| format!("{s:.1}"));
+            console.line(&format!(
+                "{}: focal length {focal:.1} ± {sigma} px, estimated from the capture{start}; `calib intrinsics` does better",
+                camera.name
+            ));
+        }
     }
+    // A single camera is not joined to others.
+    let picks = if report.cameras.len() > 1 {
+        format!("picks to {:.2} px, ", report.pick_rms_px)
+    } else {
+        String::new()
+    };
+    console.line(&format!(
+        "{picks}floor to {:.1} cm, {} discs; the room is in {}",
+        100.0 * report.floor_rms_m,
+        report.discs,
+        report.room.display()
+    ));
 }

@@ -65,7 +65,7 @@ pub(super) fn aside(out: &Path) -> PathBuf {
         out.with_file_name(name)
     };
     let is_ours = |dir: &PathBuf| !dir.exists() || check_target(dir).is_ok();
-    (1..).map(named).find(is_ours).unwrap_or_else(|| named(1))
+    (1..=999).map(named).find(is_ours).unwrap_or_else(|| named(1))
 }
 
 /// Checks that a directory can be made beside the target.

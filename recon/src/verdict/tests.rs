@@ -48,7 +48,7 @@ fn three_picks_prove_nothing_unless_the_pictures_agree() {
     assert!(light == Light::Green && text.contains("3 picks") && text.contains("pictures agree"), "{text}");
     let (light, text) = judged(|room, _| {
         room.pairs[0].picks = 3;
-        room.pairs[0].correlation = 0.2;
+        room.pairs[0].correlation = 0.32;
     });
     assert!(
         light == Light::Amber && text.contains("prove nothing") && text.contains("points more"),
