@@ -20,6 +20,9 @@ use crate::{Error, Result};
 
 /// Larger side to which pictures are brought, pixels: more tells keypoints no better and takes longer.
 const SIDE_PX: u32 = 1600;
+/// Distance and angle of two cameras that would stand in each other: the picture is the other camera's.
+const SAME_PLACE_M: f64 = 0.05;
+const SAME_DEG: f64 = 2.0;
 /// Relative difference of two aspect ratios that counts as the same shape.
 const SAME_SHAPE: f64 = 0.01;
 
@@ -78,6 +81,18 @@ pub fn relocate(room_dir: &Path, room: &Room, camera_name: &str, image: &str) ->
         ))
     })?;
     let after = Camera { intrinsics: k.clone(), camera_from_world: found.camera_from_world };
+    let is_there = |other: &&RoomCamera| {
+        let (of_room, now) = (&other.camera.camera_from_world, &after.camera_from_world);
+        other.name != camera_name
+            && (other.camera.center() - after.center()).norm() < SAME_PLACE_M
+            && of_room.rotation.angle_to(&now.rotation).to_degrees() < SAME_DEG
+    };
+    if let Some(other) = room.cameras.iter().find(is_there) {
+        return Err(refused(format!(
+            "shows what camera `{}` sees; give the picture of camera `{camera_name}`",
+            other.name
+        )));
+    }
     let turn = found.camera_from_world.rotation.angle_to(&camera.camera.camera_from_world.rotation);
     let position = after.center();
     let moved_m = (position - camera.camera.center()).norm();

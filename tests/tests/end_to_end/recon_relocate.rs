@@ -70,6 +70,9 @@ fn a_bumped_camera_gets_its_new_pose_and_nothing_else_changes() {
     let elsewhere = scratch.path().join("elsewhere.png");
     picture(&other, &other.room.cameras[1].camera).save(&elsewhere).unwrap();
     refused(&relocate(&dir, &name, &elsewhere), &["elsewhere.png", "not certain"]);
+    let swapped = scratch.path().join("swapped.png");
+    picture(&rendered, &rendered.room.cameras[1].camera).save(&swapped).unwrap();
+    refused(&relocate(&dir, &name, &swapped), &["swapped.png"]);
     let small = scratch.path().join("small.png");
     image::RgbImage::new(240, 180).save(&small).unwrap();
     refused(&relocate(&dir, &name, &small), &["small.png", "240 × 180", "480 × 360"]);

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use calib::Intrinsics;
 use calib::video::FrameSource;
 use calib::vision::AdaptiveKind;
 use clap::Args;
@@ -10,6 +11,7 @@ use shell::ranges::INTERVAL_S;
 
 use super::outputs::paths_of;
 use crate::Error;
+use crate::doctor::pose_watch::pictures_before_turn;
 use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{ForegroundOptions, InitialBackground};
 use crate::source::{NamedSource, VideoSource, sampling};
@@ -123,6 +125,19 @@ impl BackgroundArguments {
         filmed: (u32, u32),
         size: (u32, u32),
     ) -> anyhow::Result<InitialBackground> {
+        Ok(self.starts(camera, video, filmed, size, None)?.before_turn)
+    }
+
+    /// [`Self::start`] of a camera that may turn within its recording; `lens` is that of the masks' size.
+    pub(super) fn starts(
+        &self,
+        camera: &str,
+        video: &VideoSource,
+        filmed: (u32, u32),
+        size: (u32, u32),
+        lens: Option<&Intrinsics>,
+    ) -> anyhow::Result<Backgrounds> {
+        let alone = |before_turn| Backgrounds { before_turn, after_turn: None };
         let recording = match video {
             VideoSource::Recorded(source) if source.is_recording() => Some(source.name()),
             _ => None,
@@ -145,18 +160,47 @@ impl BackgroundArguments {
                 )
                 .into());
             }
-            return learnt(clip, size);
+            return Ok(alone(learnt(clip, size)?));
         }
         let kind = self.background.iter().find(|c| !matches!(c, Choice::Clip(_))).unwrap_or(&Choice::Auto);
         match (kind, recording) {
-            (Choice::Adaptive(kind), _) => Ok(InitialBackground::Nothing(*kind)),
-            (_, Some(recording)) => learnt(recording, size),
+            (Choice::Adaptive(kind), _) => Ok(alone(InitialBackground::Nothing(*kind))),
+            (_, Some(recording)) => learnt_of_poses(recording, size, lens),
             (Choice::Median, None) => bail!(
                 "--background median: camera `{camera}` is a stream; use online, or NAME=PATH with a clip"
             ),
-            _ => Ok(InitialBackground::Nothing(AdaptiveKind::default())),
+            _ => Ok(alone(InitialBackground::Nothing(AdaptiveKind::default()))),
         }
     }
+}
+
+/// Backgrounds of one camera.
+pub(super) struct Backgrounds {
+    /// Initial background.
+    pub(super) before_turn: InitialBackground,
+    /// Empty scene after the camera turned, where its recording shows that it does.
+    pub(super) after_turn: Option<Backdrop>,
+}
+
+/// Fewest sampled frames of which a median is an empty scene.
+const LEAST_FRAMES: usize = 5;
+
+/// Background of a recording; where the camera turns in it, one before and one after the turn: the median of both would
+/// be neither.
+fn learnt_of_poses(
+    recording: &str,
+    size: (u32, u32),
+    lens: Option<&Intrinsics>,
+) -> anyhow::Result<Backgrounds> {
+    let frames = sampling::spread(recording, size)?;
+    let turned_at = match lens {
+        Some(lens) => pictures_before_turn(&frames, lens)?,
+        None => frames.len(),
+    };
+    let (before, after) = frames.split_at(turned_at);
+    let after_turn = if after.len() >= LEAST_FRAMES { Some(Backdrop::learn(after)?) } else { None };
+    let before = if before.len() >= LEAST_FRAMES { before } else { &frames };
+    Ok(Backgrounds { before_turn: InitialBackground::Backdrop(Backdrop::learn(before)?), after_turn })
 }
 
 fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<InitialBackground> {

@@ -88,9 +88,13 @@ impl StationBuilder<'_> {
             return Err(Error::option("--detections", problem).into());
         }
         let is_subtracted = self.needs.masks && masks.is_none();
+        let mut after_turn = None;
         let start = match &video {
             Some(video) if is_subtracted || self.needs.empty_scene => {
-                match self.background.start(&name, video, filmed_size, size)? {
+                let lens = Some(&of_stage.real.intrinsics);
+                let learnt = self.background.starts(&name, video, filmed_size, size, lens)?;
+                after_turn = learnt.after_turn;
+                match learnt.before_turn {
                     InitialBackground::Nothing(kind) if self.background.is_auto() => {
                         let reference =
                             of_stage.reference.as_deref().and_then(|path| reference(path, of_stage));
@@ -113,7 +117,7 @@ impl StationBuilder<'_> {
         };
         let record = self.out.map(|out| out.join(format!("moved_{name}.toml")));
         let observer = Observer::new(self.room, &name, made, self.needs)?
-            .with_pose_watch(PoseFollower::new(of_stage, record));
+            .with_pose_watch(PoseFollower::new(of_stage, record).with_scene(after_turn));
         let drawn = (self.drawing.looks.panel_px(of_stage), self.drawing.demand.clone());
         let work = match video {
             Some(VideoSource::Live(source)) => {

@@ -32,7 +32,7 @@ const UNMOVED_PART: f64 = 0.35;
 /// Share of the corners that have not moved in a camera that has not turned.
 const UNMOVED_SHARE: f64 = 0.3;
 /// Turn between two looks up to which a camera is at rest, degrees, …
-const REST_DEG: f64 = 0.1;
+const REST_DEG: f64 = 0.2;
 /// … and the time for which it must be, seconds: a hand may still be on it.
 const REST_S: f64 = 1.5;
 
@@ -133,6 +133,30 @@ impl PoseWatch {
         self.turn = turn;
         Ok(self.finding)
     }
+}
+
+/// Number of pictures, in the order in which they were taken, before the camera turned for good; all of them where it
+/// did not. `lens` is that of the pictures' size.
+///
+/// # Errors
+/// An error of OpenCV.
+pub fn pictures_before_turn(pictures: &[RgbImage], lens: &Intrinsics) -> Result<usize> {
+    let grey = |picture: &RgbImage| image::imageops::grayscale(picture);
+    let all = pictures.len();
+    let [first, .., last] = pictures else { return Ok(all) };
+    let Some(mut first) = FirstPicture::of(grey(first))? else { return Ok(all) };
+    let mut has_turned = |picture: &RgbImage| -> Result<bool> {
+        let picture = grey(picture);
+        Ok(!first.is_like(&picture, lens)? && first.turn(&picture, lens)?.is_some())
+    };
+    if !has_turned(last)? {
+        return Ok(all);
+    }
+    let mut before = all - 1;
+    while before > 1 && has_turned(&pictures[before - 1])? {
+        before -= 1;
+    }
+    Ok(before)
 }
 
 impl FirstPicture {

@@ -168,13 +168,16 @@ impl Foreground {
         })
     }
 
-    /// Foreground of the same camera after it has turned: the background is learnt anew.
+    /// Foreground of the same camera after it has turned: with the empty scene that it sees now, or with a background that
+    /// is learnt anew.
     ///
     /// # Errors
     /// An error of OpenCV.
-    pub fn begun_anew(&self) -> Result<Self> {
+    pub fn begun_anew(&self, scene: Option<Backdrop>) -> Result<Self> {
         let (width, height) = self.people.dimensions();
-        Self::new(width, height, InitialBackground::Nothing(AdaptiveKind::default()), self.options.clone())
+        let unknown = || InitialBackground::Nothing(AdaptiveKind::default());
+        let start = scene.map_or_else(unknown, InitialBackground::Backdrop);
+        Self::new(width, height, start, self.options.clone())
     }
 
     /// Computes the mask of the next frame (255 foreground, 0 background). Returns whether it can be used.

@@ -156,7 +156,8 @@ impl Observer {
                 };
                 if let CameraPose::Turned(turn) = &pose {
                     self.undistort = UndistortMap::turned(&self.camera.real.intrinsics, turn);
-                    **foreground = foreground.begun_anew()?;
+                    let scene = self.follower.as_mut().and_then(PoseFollower::take_scene);
+                    **foreground = foreground.begun_anew(scene)?;
                 }
                 match pose {
                     CameraPose::SetAside => Verdict::Moved,

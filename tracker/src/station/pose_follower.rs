@@ -15,6 +15,7 @@ use scenes::depth::DepthMap;
 
 use crate::Result;
 use crate::doctor::pose_watch::{PoseFinding, PoseWatch};
+use crate::foreground::backdrop::Backdrop;
 use crate::prepared_room::PreparedCamera;
 
 /// Distance up to which a camera still sees from the same place, metres.
@@ -28,6 +29,8 @@ pub struct PoseFollower {
     depth: DepthMap,
     /// Turn since the prepared pose, of rays into the camera as it stands now.
     turn: UnitQuaternion<f64>,
+    /// Empty scene after a turn, where the recording shows it.
+    scene: Option<Backdrop>,
     /// File to write a new pose to.
     record: Option<PathBuf>,
     /// Whether the failed search for the present pose has been told.
@@ -55,9 +58,21 @@ impl PoseFollower {
             depth: DepthMap { width: camera.width(), height: camera.height(), z_m },
             camera: camera.clone(),
             turn: UnitQuaternion::identity(),
+            scene: None,
             record,
             has_told: false,
         }
+    }
+
+    /// The same follower of a camera whose empty scene after its turn is known.
+    #[must_use]
+    pub fn with_scene(self, scene: Option<Backdrop>) -> Self {
+        Self { scene, ..self }
+    }
+
+    /// Empty scene of a camera that has turned; once, since it may turn again.
+    pub(super) fn take_scene(&mut self) -> Option<Backdrop> {
+        self.scene.take()
     }
 
     /// Takes a picture into account.
