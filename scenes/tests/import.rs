@@ -1,5 +1,6 @@
 //! `scenes import` and `scenes export` as a person runs them: what other programs wrote comes in where it belongs.
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
+#![allow(clippy::float_cmp, clippy::format_collect)] // numbers that are only copied stay as they are; small files
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

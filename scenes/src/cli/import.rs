@@ -21,7 +21,7 @@ use crate::room::{GEOMETRY_FILE, Room, SCENE_FILE, Source};
 ///
 /// Cameras come from a COLMAP model (text or binary, with or without rigs), from nerfstudio's transforms.json, or one by
 /// one from the files of `calib intrinsics` and `calib pose`. Geometry comes from the model (COLMAP's points, nerfstudio's
-/// ply_file_path) or from --geometry: PLY, OBJ, glTF or GLB, LAS or LAZ; normals are estimated where it has none.
+/// `ply_file_path`) or from --geometry: PLY, OBJ, glTF or GLB, LAS or LAZ; normals are estimated where it has none.
 ///
 /// The room's world is in metres, with Z up and the floor at z = 0. --scale, --up and --shift bring cameras and geometry
 /// there together, in this order, or --points does, by points that are known in both; --floor auto finds the floor. Frames more than 10 km from their
@@ -69,7 +69,7 @@ pub(crate) struct Import {
     /// Bring the floor to z = 0, by the shortest turn and move: `auto` finds it among the planes of the geometry
     #[arg(long, value_enum, value_name = "HOW", conflicts_with = "points")]
     floor: Option<FloorSearch>,
-    /// Undo what nerfstudio did to the world of transforms.json (applied_transform, applied_scale)
+    /// Undo what nerfstudio did to the world of transforms.json (`applied_transform`, `applied_scale`)
     #[arg(long)]
     undo_applied: bool,
     /// Number of points above which a cloud is thinned, one point a voxel
@@ -132,7 +132,7 @@ impl Import {
     pub(crate) fn run(&self, out: &mut impl Write) -> anyhow::Result<()> {
         self.refuse_output()?;
         let Model { mut cameras, geometry } = self.read_model()?;
-        let (room_from_model, mut source) = self.room_from_model(out, &cameras)?;
+        let (room_from_model, shift) = self.room_from_model(out, &cameras)?;
         for camera in &mut cameras {
             camera.entry.camera = placement::placed(&camera.entry.camera, &room_from_model);
         }
@@ -144,7 +144,7 @@ impl Import {
             Some(folder) => references::find(folder, &mut cameras)?,
             None => Vec::new(),
         };
-        source = source.filter(|source| source.shift != [0.0; 3]);
+        let source = (shift != DVec3::ZERO).then(|| Source { shift: shift.to_array() });
         let cameras = cameras.into_iter().map(|camera| camera.entry).collect();
         let room = Room { cameras, geometry, source, ..Room::default() };
         for warning in room.odd_sizes() {
@@ -186,18 +186,17 @@ impl Import {
         Ok(model)
     }
 
-    /// Way from the model's world to the room's, and what of it the room keeps.
+    /// Way from the model's world to the room's, and the shift in it, metres, which the room keeps.
     fn room_from_model(
         &self,
         out: &mut impl Write,
         cameras: &[PicturedCamera],
-    ) -> anyhow::Result<(Similarity3<f64>, Option<Source>)> {
-        let near = match &self.points {
-            Some(path) => self.aligned(out, path)?,
-            None => {
-                let turn = self.up.map_or_else(UnitQuaternion::identity, |up| up.0);
-                placement::similarity(self.scale.unwrap_or(1.0), turn, DVec3::ZERO)
-            }
+    ) -> anyhow::Result<(Similarity3<f64>, DVec3)> {
+        let near = if let Some(path) = &self.points {
+            self.aligned(out, path)?
+        } else {
+            let turn = self.up.map_or_else(UnitQuaternion::identity, |up| up.0);
+            placement::similarity(self.scale.unwrap_or(1.0), turn, DVec3::ZERO)
         };
         let eyes: Vec<Point3<f64>> = cameras.iter().map(|c| near * c.entry.camera.center()).collect();
         let shift = match self.shift {
@@ -217,7 +216,7 @@ impl Import {
             },
         };
         let shifted = Translation3::new(shift.x, shift.y, shift.z) * near;
-        Ok((shifted, Some(Source { shift: shift.to_array() })))
+        Ok((shifted, shift))
     }
 
     /// Finds the floor, and brings it to z = 0.

@@ -205,7 +205,9 @@ mod tests {
         assert_eq!(outlier.index, 3);
         assert!((outlier.distance_m - 0.5).abs() < 1e-6 && outlier.others_rms_m < 1e-8, "{outlier:?}");
         let mut mirrored = points();
-        mirrored.iter_mut().for_each(|p| p.in_model.y *= -1.0);
+        for point in &mut mirrored {
+            point.in_model.y *= -1.0;
+        }
         assert!(align(&mirrored, None).unwrap_err().contains("mirror"));
         assert!(align(&points()[..2], None).unwrap_err().contains("at least 3"));
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Extensions tried for pictures that are named without one, as in NeRF's synthetic scenes.
+/// Extensions tried for pictures that are named without one, as in the synthetic scenes of `NeRF`.
 const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
 /// Folders that hold a model's pictures.

@@ -153,6 +153,7 @@ fn doubled(names: &[String]) -> Vec<bool> {
 
 #[cfg(test)]
 mod tests {
+    use super::NamedAfter::{File, Path as WholePath};
     use super::*;
 
     fn owned(names: &[&str]) -> Vec<String> {
@@ -162,7 +163,6 @@ mod tests {
     #[test]
     fn equal_file_names_get_their_folders_and_then_their_extensions() {
         let names = |pictures: &[&str], after| camera_names(&owned(pictures), after);
-        use NamedAfter::{File, Path};
         assert_eq!(names(&["images/a.jpg", "./images/b.c.png"], File), ["a", "b.c"]);
         assert_eq!(
             names(&["left/0001.jpg", "right/0001.jpg", "right/0002.jpg"], File),
@@ -170,8 +170,11 @@ mod tests {
         );
         assert_eq!(names(&["../a/x/1.jpg", "../b/x/1.jpg", "../b/y/1.jpg"], File), ["a_x_1", "b_x_1", "y_1"]);
         assert_eq!(names(&["a.jpg", "a.png"], File), ["a.jpg", "a.png"]);
-        assert_eq!(names(&["hall/a b.jpg", "door=1.png", r"c\d.png"], Path), ["hall_a b", "door_1", "c_d"]);
-        assert_eq!(names(&["x/a.jpg", "x/a.png", "y/a.png"], Path), ["x_a.jpg", "x_a.png", "y_a"]);
+        assert_eq!(
+            names(&["hall/a b.jpg", "door=1.png", r"c\d.png"], WholePath),
+            ["hall_a b", "door_1", "c_d"]
+        );
+        assert_eq!(names(&["x/a.jpg", "x/a.png", "y/a.png"], WholePath), ["x_a.jpg", "x_a.png", "y_a"]);
         assert!(names(&[], File).is_empty());
     }
 

@@ -42,6 +42,6 @@ pub fn surface_points(geometry: &Geometry, eyes: &[Point3<f64>]) -> Vec<SurfaceP
 }
 
 fn area(corners: [Vec3; 3]) -> f64 {
-    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+    let [a, b, c] = corners.map(Vec3::as_dvec3);
     0.5 * (b - a).cross(c - a).length()
 }

@@ -86,6 +86,7 @@ impl Cloud {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // numbers that are only copied stay as they are
 mod tests {
     use super::*;
     use nalgebra::{Similarity3, Translation3};

@@ -125,6 +125,7 @@ fn in_order(voxels: HashMap<[i64; 3], Voxel>) -> Vec<Voxel> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // numbers that are only copied stay as they are
 mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};

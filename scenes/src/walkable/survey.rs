@@ -78,7 +78,7 @@ fn area_m2(geometry: &Geometry) -> f64 {
     match geometry {
         Geometry::Mesh(mesh) => {
             let area = |triangle: &[u32; 3]| {
-                let [a, b, c] = mesh.corners(*triangle).map(|corner| corner.as_dvec3());
+                let [a, b, c] = mesh.corners(*triangle).map(Vec3::as_dvec3);
                 0.5 * (b - a).cross(c - a).length()
             };
             mesh.triangles.iter().map(area).sum()

@@ -89,8 +89,7 @@ impl ModelCamera {
             "FULL_OPENCV" if p[9..] == [0.0; 3] => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], p[8]]),
             // Without their bend these are pinholes, too.
             "SIMPLE_DIVISION" if p[3] == 0.0 => (p[0], p[0], p[1], p[2], [0.0; 5]),
-            "DIVISION" | "FOV" if p[4] == 0.0 => (p[0], p[1], p[2], p[3], [0.0; 5]),
-            "EUCM" if p[4] == 0.0 => (p[0], p[1], p[2], p[3], [0.0; 5]),
+            "DIVISION" | "FOV" | "EUCM" if p[4] == 0.0 => (p[0], p[1], p[2], p[3], [0.0; 5]),
             EQUIRECTANGULAR => {
                 return Err(format!(
                     "the model {EQUIRECTANGULAR} is not known here; cut the pictures into perspective ones before"

@@ -114,7 +114,7 @@ fn models_written_by_colmap_project_as_in_colmap() {
         let placed = cameras(&folder).unwrap();
         assert_eq!(placed.len(), expected.pixels.len());
         for (picture, pixels) in &expected.pixels {
-            let name = camera_names(&[picture.clone()], NamedAfter::Path).remove(0);
+            let name = camera_names(std::slice::from_ref(picture), NamedAfter::Path).remove(0);
             let camera = placed.iter().find(|c| c.name == name).unwrap();
             for (point, pixel) in expected.points.iter().zip(pixels) {
                 let seen = camera.camera.project(&point.place.into()).unwrap();
