@@ -29,7 +29,10 @@ fn only_the_pose_and_the_reference_of_the_moved_camera_change() {
         let now = Room::read(folder.path()).unwrap().cameras[0].clone();
         let expected = moved(&camera, b"").camera_from_world;
         assert!((now.camera.camera_from_world.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-12);
-        assert_eq!((now.camera.intrinsics, now.reference), (camera.camera.intrinsics, Some(reference)));
+        assert_eq!(
+            (now.camera.intrinsics, now.reference),
+            (camera.camera.intrinsics.clone(), Some(reference))
+        );
 
         // The second time: the picture has another name again, and what the file has by then counts.
         let said = save_moved_camera(folder.path(), &moved(&camera, b"")).unwrap_err().to_string();
