@@ -7,6 +7,6 @@ cd "$(dirname "$0")/.."
 ./tests/setup.sh package
 cargo build --profile dist --locked -p roomtrack
 ./packaging/documents.sh
-PATH="$PATH:$PWD/target/tools/bin" cargo deb -p roomtrack --no-build --profile dist --locked \
+PATH="$PATH:$PWD/target/tools/bin" cargo deb -p roomtrack --quiet --no-build --profile dist --locked \
     --output target/debian/
 ls -l target/debian/*.deb
