@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # The package and the image in a fresh Debian without Rust: the office end to end, stations over Zenoh included.
-#   smoke.sh
+# With podman or docker, or ENGINE, as image.sh.   smoke.sh
 set -euo pipefail
 cd "$(dirname "$0")/.."
 ./tests/setup.sh image
-engine=$(command -v podman || command -v docker)
+read -ra engine <<<"${ENGINE:-$(command -v podman || command -v docker)}"
 package=$(realpath target/debian/roomtrack_*.deb)
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
@@ -46,6 +46,6 @@ say "the image, as a user without rights, on a read-only root"
 mkdir "$scratch/office"
 cp -r tests/office/. "$scratch/office.sh" "$scratch/office/"
 chmod -R a+rwX "$scratch"
-"$engine" run --rm --read-only --cap-drop=all --security-opt=no-new-privileges \
+"${engine[@]}" run --rm --ulimit nofile=1024:1024 --ulimit nproc=4096:4096 --read-only --cap-drop=all --security-opt=no-new-privileges \
     --volume "$scratch/office:/office" --workdir /office --entrypoint bash roomtrack office.sh
 say "both work"
