@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The package and the image in a fresh Debian without Rust: the office end to end, stations over Zenoh included.
+# The package and the image in a fresh Debian without Rust: the office end to end, stations over Zenoh included. As root.
 # With podman or docker, or ENGINE, as image.sh.   smoke.sh
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -37,7 +37,7 @@ cp /etc/resolv.conf "$fresh/etc/resolv.conf"
 chroot "$fresh" sh -c "apt-get update -qq && apt-get install -y -qq --no-install-recommends /tmp/roomtrack.deb >/dev/null"
 mount --bind /proc "$fresh/proc"
 mount --bind /dev "$fresh/dev"
-trap 'umount "$fresh/proc" "$fresh/dev"; rm -rf "$scratch"' EXIT
+trap 'umount "$fresh/proc" "$fresh/dev" && rm -rf --one-file-system "$scratch"' EXIT
 chroot "$fresh" sh -c "cd /office && bash office.sh"
 du -k --apparent-size "$package" | awk '{ print "package: " $1 " KiB" }'
 chroot "$fresh" dpkg-query --show --showformat '${Installed-Size} KiB installed\n' roomtrack
