@@ -30,13 +30,12 @@ fn main() -> StepResult<()> {
         let Some(folder) = folder else { continue };
         let given =
             std::env::args().find_map(|a| Some(PathBuf::from(a.strip_prefix(name)?.strip_prefix('=')?)));
-        let room = match given {
-            Some(room) => room,
-            None => {
-                let built = scratch.path().join(name);
-                build_room(&folder, &built)?;
-                built
-            }
+        let room = if let Some(room) = given {
+            room
+        } else {
+            let built = scratch.path().join(name);
+            build_room(&folder, &built)?;
+            built
         };
         measure(name, &folder, &room, views, scratch.path())?;
     }

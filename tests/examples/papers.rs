@@ -43,7 +43,7 @@ fn main() -> StepResult<()> {
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let started = Instant::now();
     let mut page = String::from(HEAD);
-    for mut paper in [mcmc(&folder), condensation(&folder)?, agents(&folder)?, linking(&folder)?] {
+    for mut paper in [mcmc(&folder), condensation(&folder)?, agents(&folder), linking(&folder)?] {
         let _ = writeln!(page, "<section><h2>{}</h2>", escaped(paper.citation));
         for experiment in &mut paper.experiments {
             eprintln!("{:5.0} s  {}", started.elapsed().as_secs_f64(), experiment.title);
@@ -194,7 +194,7 @@ fn condensation(folder: &Path) -> StepResult<Paper> {
     })
 }
 
-fn agents(folder: &Path) -> StepResult<Paper> {
+fn agents(folder: &Path) -> Paper {
     let (simulated, ran) = (folder.join("simulated"), folder.join("agents"));
     let mut simulate = program("tracker");
     simulate.args(["agents", "simulate", "--out"]).arg(&simulated);
@@ -204,7 +204,7 @@ fn agents(folder: &Path) -> StepResult<Paper> {
         let film = office().join(format!("video/{camera}.mp4"));
         track.arg("--video").arg(format!("{camera}={}", film.display()));
     }
-    Ok(Paper {
+    Paper {
         citation: "A. Nakazawa, S. Hiura, H. Kato, S. Inokuchi, “Tracking Multiple Persons Using Distributed Vision Systems”",
         experiments: vec![
             Experiment {
@@ -236,7 +236,7 @@ fn agents(folder: &Path) -> StepResult<Paper> {
                     .to_vec(),
             },
         ],
-    })
+    }
 }
 
 fn linking(folder: &Path) -> StepResult<Paper> {

@@ -128,7 +128,7 @@ fn an_unknown_depth_leaves_the_part_of_the_residual_across_it() {
     let moved = |along: f64, across: f64, depth_step_m: f64| {
         let pixel = known.pixel + nalgebra::Vector2::new(along, across);
         let depth_step = Vector3::z() * depth_step_m;
-        Sighting { pixel, depth_step, ..known }.squared(&lens, &pose).sqrt()
+        Sighting { depth_step, pixel, ..known }.squared(&lens, &pose).sqrt()
     };
     // The camera stands to the right of the reference: another depth moves the point along u.
     assert!(

@@ -1,4 +1,6 @@
 //! The command line, one file a subcommand.
+// Doc comments of arguments are help texts, in which [[zone]] is a table of a file.
+#![allow(rustdoc::broken_intra_doc_links)]
 
 mod build;
 mod picks;

@@ -146,7 +146,7 @@ impl Import {
         };
         let source = (shift != DVec3::ZERO).then(|| Source { shift: shift.to_array() });
         let cameras = cameras.into_iter().map(|camera| camera.entry).collect();
-        let room = Room { cameras, geometry, source, ..Room::default() };
+        let room = Room { cameras, source, geometry, ..Room::default() };
         for warning in room.odd_sizes() {
             tracing::warn!("{}: {warning}", self.out.display());
         }

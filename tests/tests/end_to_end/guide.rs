@@ -26,6 +26,11 @@ fn docs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs")
 }
 
+/// Whether a file of the guide's folder is text of the guide.
+fn is_chapter(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|extension| extension == "md")
+}
+
 /// A block of commands, and whether they serve until they are interrupted.
 struct Block {
     commands: String,
@@ -165,7 +170,7 @@ macro_rules! chapters {
             let mut with_commands: Vec<String> = std::fs::read_dir(docs())
                 .unwrap()
                 .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-                .filter(|name| name.ends_with(".md") && !blocks(name).is_empty())
+                .filter(|name| is_chapter(name) && !blocks(name).is_empty())
                 .collect();
             with_commands.sort();
             let mut run = vec![$($file.to_owned()),*];
@@ -200,7 +205,7 @@ fn every_chapter_is_in_the_summary_and_every_entry_exists() {
     let mut there: Vec<String> = std::fs::read_dir(docs())
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| name.ends_with(".md") && name != "SUMMARY.md")
+        .filter(|name| is_chapter(name) && name != "SUMMARY.md")
         .collect();
     there.sort();
     assert_eq!(listed, there);

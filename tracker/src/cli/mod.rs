@@ -1,4 +1,6 @@
 //! Subcommands of the program, one a file: each maps its options onto the library's, one to one.
+// Doc comments of arguments are help texts, in which [[zone]] is a table of a file.
+#![allow(rustdoc::broken_intra_doc_links)]
 
 mod agent_options;
 mod agent_station;

@@ -239,7 +239,9 @@ impl EventFiles {
     fn append(&mut self, events: &[Event]) -> Result<()> {
         let path = self.out.join(EVENTS);
         let lines = events.iter().map(|event| event.text(&path)).collect::<Result<String>>()?;
-        events.iter().for_each(|event| self.open.add(event));
+        for event in events {
+            self.open.add(event);
+        }
         self.file.append(&lines)
     }
 }

@@ -90,6 +90,6 @@ fn fresh_picture(dir: &Path, camera: &RoomCamera, ending: &str) -> PathBuf {
     let folder = present.and_then(Path::parent).unwrap_or(Path::new("reference"));
     let named = |number: u64| folder.join(format!("{}-{number}.{ending}", camera.name));
     // There are fewer files than numbers.
-    let number = (2..).find(|number| dir.join(named(*number)).symlink_metadata().is_err());
+    let number = (2..=u64::MAX).find(|number| dir.join(named(*number)).symlink_metadata().is_err());
     named(number.unwrap_or(2))
 }
