@@ -26,9 +26,9 @@ struct Paper {
 struct Experiment {
     /// Number and subject in the paper.
     title: &'static str,
-    /// What the paper shows.
+    /// Result of the paper.
     published: &'static str,
-    /// What is done here, where it differs from the paper's experiment.
+    /// The experiment as it is done here, where it differs from the paper's.
     here: &'static str,
     /// Commands, the output of each of which stands on the page.
     commands: Vec<Command>,

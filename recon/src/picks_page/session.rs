@@ -56,7 +56,7 @@ pub(super) struct ProjectReply {
     picked: Picked,
 }
 
-/// How far everything is, for the page.
+/// Progress of the captures, proposals and build, as the page asks for it.
 #[derive(Serialize)]
 pub(super) struct StateReply {
     captures: Progress,
@@ -323,7 +323,7 @@ impl Session {
 
     /// Starts a build of the project as it is on disk.
     pub(super) fn build(self: &Arc<Self>) -> Result<StateReply> {
-        // What a build would refuse at once is told at once.
+        // Defects of the project that a build finds before its first stage are the reply to this request.
         Project::read_to_build(&self.project)?;
         work::start_build(self);
         Ok(self.progress())

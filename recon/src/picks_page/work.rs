@@ -1,5 +1,5 @@
-//! What takes minutes: the captures' pictures and surfaces, proposals, and the build, on threads of their own; with how
-//! far they are.
+//! Work that takes minutes, on threads of its own: the captures' pictures and surfaces, proposals, and the build; and its
+//! progress.
 
 use std::io::Cursor;
 use std::path::PathBuf;

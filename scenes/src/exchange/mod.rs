@@ -30,7 +30,7 @@ pub use selection::Selection;
 pub struct ModelOptions {
     /// Pictures that become cameras.
     pub selection: Selection,
-    /// Where the pictures lie; their sizes are read from them where the model does not state them.
+    /// Folders of the pictures, from which sizes are read that the model does not state.
     pub pictures: Pictures,
     /// Whether what nerfstudio did to the world (`applied_transform`, `applied_scale`) is undone.
     pub undo_applied: bool,

@@ -49,7 +49,7 @@ pub struct Room {
     pub lines: Vec<Line>,
     /// Place of the room on Earth, if stated.
     pub geo: Option<Geo>,
-    /// What an import did to the world of its source, if it moved it.
+    /// Shift from the world of the imported model to the room's, if it was imported with one.
     pub source: Option<Source>,
     /// Regions where a person can stand, if stated; otherwise they are derived from the geometry.
     pub walkable: Option<Vec<Polygon>>,

@@ -67,7 +67,7 @@ pub struct EventFiles {
     room: Room,
     room_dir: PathBuf,
     last_s: Option<f64>,
-    /// What has begun and not ended.
+    /// Stays that have begun and not ended.
     open: OpenVisits,
     persistence: Persistence,
     /// Rows of `groups.csv` of an earlier run in the same folder.

@@ -3,22 +3,17 @@
 use std::io::{Read, Write};
 use std::net::TcpStream;
 
+use browser::Page;
 use calib::{Camera, Intrinsics};
 use nalgebra::Isometry3;
 use scenes::polygon::Polygon;
 use scenes::room::{Room, RoomCamera, Zone, ZoneKind};
 use shell::loopback::{AccessToken, Listener};
 
-use self::browser::Page;
 use super::tests::{LOOPBACK, PORT_OPTION, exchange, get, painted};
 use super::*;
 use crate::PersonEstimate;
 use crate::foreground::Verdict;
-
-// The zone editor's tests drive the same browser.
-#[path = "../../../scenes/src/editor/tests/browser.rs"]
-#[allow(dead_code, reason = "the editor's tests need more of it")]
-mod browser;
 
 /// A hall with a door and a camera, as the page is told of it.
 fn hall() -> (Room, RoomPage) {

@@ -1,8 +1,5 @@
 //! The page over its socket and in a browser, with two rendered views of a synthetic room.
 
-#[allow(dead_code)] // The editor's tests use the rest of it.
-#[path = "../../../../scenes/src/editor/tests/browser.rs"]
-mod browser;
 mod page;
 mod server;
 

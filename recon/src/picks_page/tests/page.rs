@@ -1,9 +1,9 @@
 //! The page in a browser, driven as a person drives it.
 
+use browser::{CTRL, Page};
 use serde_json::json;
 
 use super::PickedProject;
-use super::browser::{CTRL, Page};
 use crate::project::{Project, read_picked};
 
 /// Clicks a pixel of a camera's picture.
@@ -66,7 +66,7 @@ fn points_and_a_length_clicked_in_a_chromium_are_saved() {
     assert_eq!((scale.camera.as_str(), scale.metres), ("cam0", Some(1.25)));
     assert_eq!([scale.from.unwrap(), scale.to.unwrap()], ends.map(|p| [p.x, p.y]));
 
-    // What is taken back is not saved.
+    // A removed point whose removal is undone leaves nothing to save.
     page.click("#points li button");
     page.wait_until(
         "document.querySelectorAll('#points li').length === 5 && !document.getElementById('unsaved').hidden",

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::browser::{CTRL, Page};
 use super::server::{room, room_json, scene_text, served};
 use crate::room::Room;
+use browser::{CTRL, Page};
 
 /// The page of a room, with the mapping of its plan.
 pub(super) struct EditorPage {

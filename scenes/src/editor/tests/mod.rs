@@ -1,7 +1,6 @@
 //! Rooms and cameras of the editor's tests: outlines against closed forms, the server over its socket, the page in a
 //! browser.
 
-mod browser;
 mod editor_page;
 mod outline;
 mod page;

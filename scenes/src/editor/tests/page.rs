@@ -1,10 +1,10 @@
 //! The editor's page in a browser, driven as a person drives it.
 
-use super::browser::CTRL;
 use super::editor_page::{EditorPage, LOADED};
 use super::server::room_json;
 use super::*;
 use crate::room::{Zone, ZoneKind};
+use browser::CTRL;
 
 /// A pixel of the window is less than 3 cm of this floor.
 fn assert_near(corners: &[Point2<f64>], expected: &[(f64, f64)], tolerance_m: f64) {

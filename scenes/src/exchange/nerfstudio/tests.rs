@@ -236,7 +236,7 @@ fn applied_transforms_are_undone_where_it_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("transforms.json");
     let original = read_with(&path, SHARED, &ModelOptions::default()).unwrap().cameras.remove(0).entry.camera;
-    // What `ns-process-data` does to COLMAP's world, and a scale: y becomes −z, z becomes y.
+    // The transform of `ns-process-data` from COLMAP's world (y becomes −z, z becomes y), and a scale.
     let (applied, scale) = (Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0), 0.25);
     let offset = Vector3::new(0.5, -2.0, 3.0);
     let pose = original.camera_from_world.inverse();

@@ -69,7 +69,7 @@ fn a_scene_of_trimesh_has_its_places_and_colours() {
     for ((vertex, corner), color) in scan.vertices.iter().zip(&corners).zip(&colors) {
         let off = vertex.position.iter().zip(corner).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(off < 1e-5, "{vertex:?} {corner:?}");
-        // What the file has as bytes is light, by the standard.
+        // By the standard of glTF, vertex colours in bytes are linear light.
         for (level, light) in vertex.color.iter().zip(color) {
             assert!(
                 (light_of_level(level / 255.0) - *light as f32 / 255.0).abs() < 5e-3,

@@ -2,6 +2,10 @@
 //! <https://chromedevtools.github.io/devtools-protocol/>.
 //!
 //! Commands and replies are JSON with a zero byte at the end, on pipes that the browser expects as its files 3 and 4.
+//! Whatever goes wrong ends the test.
+#![forbid(unsafe_code)]
+// All callers are tests: a failure here is the test's.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::missing_panics_doc)]
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -9,16 +13,18 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
 /// Longest wait for the browser and for anything on its page: it starts slowly on a busy machine.
 const PATIENCE: Duration = Duration::from_mins(2);
 /// `modifiers` of a key that is pressed together with Ctrl.
-pub(super) const CTRL: u32 = 2;
+pub const CTRL: u32 = 2;
 
 /// A page in a browser of its own, which ends with it.
-pub(super) struct Page {
+pub struct Page {
     browser: Child,
     commands: ChildStdin,
     /// Replies and events, one a message.
@@ -31,7 +37,7 @@ pub(super) struct Page {
 
 impl Page {
     /// Opens a page; `None`, with a visible line, where there is no chromium.
-    pub(super) fn open(url: &str) -> Option<Self> {
+    pub fn open(url: &str) -> Option<Self> {
         if Command::new("chromium").arg("--version").stdout(Stdio::null()).status().is_err() {
             eprintln!("skipped: there is no chromium here (apt-get install chromium)");
             return None;
@@ -64,13 +70,13 @@ impl Page {
     }
 
     /// Gives the window a size, in pixels.
-    pub(super) fn resize(&mut self, width: u32, height: u32) {
+    pub fn resize(&mut self, width: u32, height: u32) {
         let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
         self.command("Emulation.setDeviceMetricsOverride", &size);
     }
 
     /// Makes the window that of a telephone: fingers point in place of a mouse. The page has to be loaded again.
-    pub(super) fn become_telephone(&mut self, width: u32, height: u32) {
+    pub fn become_telephone(&mut self, width: u32, height: u32) {
         let size = json!({ "width": width, "height": height, "deviceScaleFactor": 2, "mobile": true });
         self.command("Emulation.setDeviceMetricsOverride", &size);
         self.command("Emulation.setTouchEmulationEnabled", &json!({ "enabled": true, "maxTouchPoints": 1 }));
@@ -78,7 +84,7 @@ impl Page {
     }
 
     /// Puts a finger on a place of the window, moves it through the others, and lifts it.
-    pub(super) fn touch(&mut self, places: &[[f64; 2]]) {
+    pub fn touch(&mut self, places: &[[f64; 2]]) {
         let points = |[x, y]: [f64; 2]| json!([{ "x": x, "y": y }]);
         let mut events = vec![("touchStart", points(places[0]))];
         events.extend(places[1..].iter().map(|place| ("touchMove", points(*place))));
@@ -90,10 +96,10 @@ impl Page {
 
     /// Writes a picture of the window (PNG) into the folder that `SCREENSHOTS` names, if it is set: for a person to look
     /// at.
-    pub(super) fn screenshot(&mut self, name: &str) {
+    pub fn screenshot(&mut self, name: &str) {
         let Some(folder) = std::env::var_os("SCREENSHOTS") else { return };
         let reply = self.command("Page.captureScreenshot", &json!({ "format": "png" }));
-        let bytes = base64(reply["data"].as_str().unwrap());
+        let bytes = STANDARD.decode(reply["data"].as_str().unwrap()).unwrap();
         std::fs::write(std::path::Path::new(&folder).join(name), bytes).unwrap();
     }
 
@@ -125,7 +131,7 @@ impl Page {
     }
 
     /// Value of a JavaScript expression.
-    pub(super) fn value(&mut self, expression: &str) -> Value {
+    pub fn value(&mut self, expression: &str) -> Value {
         let asked = json!({ "expression": expression, "returnByValue": true });
         // A page that is loaded meanwhile is asked again.
         let mut reply = loop {
@@ -139,7 +145,7 @@ impl Page {
     }
 
     /// Waits until a JavaScript condition holds. One that cannot be computed, as while the page is loaded, does not hold yet.
-    pub(super) fn wait_until(&mut self, condition: &str) {
+    pub fn wait_until(&mut self, condition: &str) {
         let started = Instant::now();
         let holds = format!("(() => {{ try {{ return {condition}; }} catch {{ return false; }} }})()");
         while self.value(&holds) != true {
@@ -150,7 +156,7 @@ impl Page {
     }
 
     /// Moves the mouse to a place of the window, presses the left button, moves through the others, and releases it.
-    pub(super) fn drag(&mut self, places: &[[f64; 2]]) {
+    pub fn drag(&mut self, places: &[[f64; 2]]) {
         let event = |kind: &str, [x, y]: [f64; 2], buttons: u32| {
             let button = if kind == "mouseMoved" { "none" } else { "left" };
             json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1 })
@@ -165,13 +171,13 @@ impl Page {
     }
 
     /// Clicks the middle of the first element that a CSS selector matches.
-    pub(super) fn click(&mut self, selector: &str) {
+    pub fn click(&mut self, selector: &str) {
         let middle = self.middle_of(selector);
         self.drag(&[middle]);
     }
 
     /// Middle of the first element that a CSS selector matches, in the window.
-    pub(super) fn middle_of(&mut self, selector: &str) -> [f64; 2] {
+    pub fn middle_of(&mut self, selector: &str) -> [f64; 2] {
         let selector = json!(selector);
         let middle = self.value(&format!(
             "(({{x, y, width, height}}) => [x + width / 2, y + height / 2])\
@@ -181,7 +187,7 @@ impl Page {
     }
 
     /// Presses and releases a key, named as in a `KeyboardEvent`.
-    pub(super) fn press(&mut self, key: &str, modifiers: u32) {
+    pub fn press(&mut self, key: &str, modifiers: u32) {
         for kind in ["rawKeyDown", "keyUp"] {
             let event = json!({ "type": kind, "key": key, "modifiers": modifiers });
             self.command("Input.dispatchKeyEvent", &event);
@@ -189,24 +195,9 @@ impl Page {
     }
 
     /// Types a text into the element that has the focus.
-    pub(super) fn type_text(&mut self, text: &str) {
+    pub fn type_text(&mut self, text: &str) {
         self.command("Input.insertText", &json!({ "text": text }));
     }
-}
-
-/// Bytes of a text in base 64 (RFC 4648).
-fn base64(text: &str) -> Vec<u8> {
-    const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let digits = text.bytes().filter_map(|c| LETTERS.iter().position(|letter| *letter == c));
-    let (mut bytes, mut bits, mut count) = (Vec::new(), 0_usize, 0);
-    for digit in digits {
-        (bits, count) = ((bits << 6 | digit) & 0xffff, count + 6);
-        if count >= 8 {
-            count -= 8;
-            bytes.push((bits >> count) as u8);
-        }
-    }
-    bytes
 }
 
 impl Drop for Page {
