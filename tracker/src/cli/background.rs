@@ -7,12 +7,14 @@ use calib::Intrinsics;
 use calib::video::FrameSource;
 use calib::vision::AdaptiveKind;
 use clap::Args;
+use image::RgbImage;
 use shell::ranges::INTERVAL_S;
 
 use super::outputs::paths_of;
 use crate::Error;
 use crate::doctor::pose_watch::pictures_before_turn;
 use crate::foreground::backdrop::Backdrop;
+use crate::foreground::lights::{self, LEAST_FRAMES};
 use crate::foreground::{ForegroundOptions, InitialBackground};
 use crate::source::{NamedSource, VideoSource, sampling};
 
@@ -182,9 +184,6 @@ pub(super) struct Backgrounds {
     pub(super) after_turn: Option<Backdrop>,
 }
 
-/// Fewest sampled frames of which a median is an empty scene.
-const LEAST_FRAMES: usize = 5;
-
 /// Background of a recording; where the camera turns in it, one before and one after the turn: the median of both would
 /// be neither.
 fn learnt_of_poses(
@@ -200,9 +199,21 @@ fn learnt_of_poses(
     let (before, after) = frames.split_at(turned_at);
     let after_turn = if after.len() >= LEAST_FRAMES { Some(Backdrop::learn(after)?) } else { None };
     let before = if before.len() >= LEAST_FRAMES { before } else { &frames };
-    Ok(Backgrounds { before_turn: InitialBackground::Backdrop(Backdrop::learn(before)?), after_turn })
+    Ok(Backgrounds { before_turn: empty_scene(before)?, after_turn })
 }
 
 fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<InitialBackground> {
-    Ok(InitialBackground::Backdrop(Backdrop::learn(&sampling::spread(recording, size)?)?))
+    empty_scene(&sampling::spread(recording, size)?)
+}
+
+/// Empty scene of frames that are spread over a recording, in each of its lights.
+fn empty_scene(frames: &[RgbImage]) -> anyhow::Result<InitialBackground> {
+    let mut scenes = lights::learn(frames)?;
+    Ok(match scenes.pop() {
+        Some(only) if scenes.is_empty() => InitialBackground::Backdrop(only),
+        last => {
+            scenes.extend(last);
+            InitialBackground::Lights(scenes)
+        }
+    })
 }

@@ -140,18 +140,14 @@ impl StationBuilder<'_> {
                 }))
             }
         };
-        let backdrop = match &start {
-            Some(InitialBackground::Backdrop(backdrop)) if of_stage.reference.is_some() => {
-                Some(EmptyScene { camera: name.clone(), film, picture: backdrop.picture.clone() })
-            }
-            _ => None,
-        };
-        let empty_scene = match start {
-            Some(InitialBackground::Backdrop(backdrop)) if self.needs.empty_scene => {
-                Some(of_stage.undistort.image(&backdrop.picture))
-            }
-            _ => None,
-        };
+        let empty = start.as_ref().and_then(InitialBackground::empty_scene);
+        let backdrop = empty.filter(|_| of_stage.reference.is_some()).map(|scene| EmptyScene {
+            camera: name.clone(),
+            film,
+            picture: scene.picture.clone(),
+        });
+        let empty_scene =
+            empty.filter(|_| self.needs.empty_scene).map(|scene| of_stage.undistort.image(&scene.picture));
         Ok(Built { station: Station { name, rate_hz, work }, empty_scene, backdrop })
     }
 }

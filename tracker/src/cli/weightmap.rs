@@ -11,7 +11,6 @@ use shell::ranges::{BODY_M, FRAME_NUMBER};
 use super::background::BackgroundArguments;
 use super::heads::HeadArguments;
 use super::outputs;
-use crate::foreground::InitialBackground;
 use crate::method::Method;
 use crate::method::condensation::Condensation;
 use crate::method::condensation::integration::Integration;
@@ -74,11 +73,9 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
         let size = (camera.width(), camera.height());
         let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
         let video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
-        if needs_empty
-            && let InitialBackground::Backdrop(backdrop) =
-                args.background.start(&name, &video, filmed, size)?
+        if needs_empty && let Some(scene) = args.background.start(&name, &video, filmed, size)?.empty_scene()
         {
-            method.set_empty_scene(i, &camera.undistort.image(&backdrop.picture));
+            method.set_empty_scene(i, &camera.undistort.image(&scene.picture));
         }
         let VideoSource::Recorded(mut video) = video else {
             bail!("--video {name}: is a stream; give a recording");

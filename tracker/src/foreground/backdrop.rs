@@ -1,5 +1,6 @@
 //! The empty scene of one camera, learnt from frames of a recording in which people come and go: the median of each
-//! channel over time, and the deviation of the frames from it.
+//! channel over time, and the deviation of the frames from it. Where somebody stands still for most of the time, the
+//! colour behind him is taken instead ([`recurrence`]).
 
 use std::borrow::Borrow;
 
@@ -7,6 +8,7 @@ use image::{GrayImage, Luma, RgbImage};
 use rayon::prelude::*;
 
 use super::exposure::{self, Exposure};
+use super::recurrence::{self, OtherColor};
 use crate::{Error, Result};
 
 /// Number of bytes handled together, so that the counting is vectorised: whole pixels.
@@ -34,7 +36,7 @@ pub struct Backdrop {
 pub const NOISE_UNIT: f32 = 1.0 / 16.0;
 
 impl Backdrop {
-    /// Learns the empty scene from frames spread over a recording (or from a single picture of it).
+    /// Learns the empty scene from frames spread over a recording, in the order of time (or from a single picture of it).
     ///
     /// Frames are converted to the first median's exposure and the median is taken again, so that a flickering lamp
     /// does not widen the noise. The result does not depend on the number of threads.
@@ -64,22 +66,32 @@ impl Backdrop {
         };
         let tables: Vec<[[u8; 256]; 3]> = samples.par_iter().map(even).collect();
         let (mut picture, mut deviation) = (RgbImage::new(width, height), RgbImage::new(width, height));
-        let groups = picture.par_chunks_mut(LANES).zip(deviation.par_chunks_mut(LANES)).enumerate();
-        groups.with_min_len(LEAST_GROUPS).for_each_init(Vec::new, |lanes, (group, (middle, spread))| {
-            lanes.resize(frames.len(), [0; LANES]);
-            for ((even, frame), table) in lanes.iter_mut().zip(&frames).zip(&tables) {
-                let lane = lane(frame.as_raw(), group);
-                for (even, pixel) in even.as_chunks_mut::<3>().0.iter_mut().zip(lane.as_chunks::<3>().0) {
-                    *even = std::array::from_fn(|c| table[c][pixel[c] as usize]);
+        let mut others: Vec<Option<OtherColor>> = vec![None; width as usize * height as usize];
+        let groups = picture.par_chunks_mut(LANES).zip(deviation.par_chunks_mut(LANES));
+        let groups = groups.zip(others.par_chunks_mut(LANES / 3)).enumerate();
+        groups.with_min_len(LEAST_GROUPS).for_each_init(
+            Vec::new,
+            |lanes, (group, ((middle, spread), others))| {
+                lanes.resize(frames.len(), [0; LANES]);
+                for ((even, frame), table) in lanes.iter_mut().zip(&frames).zip(&tables) {
+                    let lane = lane(frame.as_raw(), group);
+                    for (even, pixel) in even.as_chunks_mut::<3>().0.iter_mut().zip(lane.as_chunks::<3>().0) {
+                        *even = std::array::from_fn(|c| table[c][pixel[c] as usize]);
+                    }
                 }
-            }
-            let found = quantile(lanes, 0.5);
-            middle.copy_from_slice(&found[..middle.len()]);
-            for lane in lanes.iter_mut() {
-                lane.iter_mut().zip(&found).for_each(|(value, middle)| *value = value.abs_diff(*middle));
-            }
-            spread.copy_from_slice(&quantile(lanes, NOISE_QUANTILE)[..spread.len()]);
-        });
+                let found = quantile(lanes, 0.5);
+                middle.copy_from_slice(&found[..middle.len()]);
+                for (pixel, other) in others.iter_mut().enumerate() {
+                    let at = |lane: &[u8; LANES]| lane.as_chunks::<3>().0[pixel];
+                    *other = recurrence::other_color(lanes.iter().map(at), at(&found));
+                }
+                for lane in lanes.iter_mut() {
+                    lane.iter_mut().zip(&found).for_each(|(value, middle)| *value = value.abs_diff(*middle));
+                }
+                spread.copy_from_slice(&quantile(lanes, NOISE_QUANTILE)[..spread.len()]);
+            },
+        );
+        recurrence::restore(&mut picture, &others);
         Ok(Self { noise: noise(&deviation), picture })
     }
 }

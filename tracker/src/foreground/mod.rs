@@ -17,8 +17,10 @@ pub mod backdrop;
 pub mod exposure;
 pub mod health;
 mod lanes;
+pub mod lights;
 mod options;
 pub mod pixels;
+mod recurrence;
 pub mod regions;
 pub mod relight;
 pub mod shadow;
@@ -31,6 +33,7 @@ use adaptive::AdaptiveModel;
 use backdrop::Backdrop;
 use exposure::Exposure;
 use health::Health;
+use lights::LightChoice;
 pub use options::ForegroundOptions;
 use pixels::{PixelModel, ScoredFrame, THRESHOLD};
 use regions::Regions;
@@ -44,6 +47,8 @@ use crate::{Error, Result};
 pub enum InitialBackground {
     /// An empty scene, learnt beforehand.
     Backdrop(Backdrop),
+    /// An empty scene in several lights, learnt beforehand; at least one.
+    Lights(Vec<Backdrop>),
     /// No background: an adaptive model learns during the run.
     Nothing(AdaptiveKind),
     /// A reference picture of the room, taken at another time and in other light, in which only movable things may
@@ -56,10 +61,23 @@ pub enum InitialBackground {
     },
 }
 
+impl InitialBackground {
+    /// The empty scene that is known beforehand, in its first light.
+    pub fn empty_scene(&self) -> Option<&Backdrop> {
+        match self {
+            Self::Backdrop(scene) => Some(scene),
+            Self::Lights(scenes) => scenes.first(),
+            Self::Nothing(_) | Self::Reference { .. } => None,
+        }
+    }
+}
+
 /// Foreground of one camera, frame by frame.
 pub struct Foreground {
     options: ForegroundOptions,
     model: BackgroundModel,
+    /// Models of the other lights, where the empty scene is known in several.
+    lights: Option<Lights>,
     health: Health,
     exposure: Exposure,
     morphology: Morphology,
@@ -96,6 +114,14 @@ enum BackgroundModel {
     Adaptive(AdaptiveModel),
 }
 
+/// Models of a camera's empty scene in the lights that are known.
+struct Lights {
+    choice: LightChoice,
+    /// Model of each light; that of the present one is in use, and another's stands in its place here.
+    models: Vec<PixelModel>,
+    present: usize,
+}
+
 /// Number of frames between two updates of the background picture for the exposure fit: it changes slowly.
 const REFRESH_EVERY: u32 = 16;
 /// Score above which a pixel is foreground if most of its neighbours are…
@@ -125,7 +151,24 @@ impl Foreground {
         options: ForegroundOptions,
     ) -> Result<Self> {
         let mut background = RgbImage::new(width, height);
+        let mut lights = None;
         let model = match start {
+            InitialBackground::Lights(scenes) => {
+                let Some(first) = scenes.first() else {
+                    return Err(Error::option("background", "there is no empty scene"));
+                };
+                for scene in &scenes {
+                    check_size(&scene.picture, (width, height))?;
+                }
+                background.copy_from_slice(&first.picture);
+                let models: Vec<PixelModel> =
+                    scenes.iter().map(|scene| PixelModel::new(scene, &options.pixels)).collect();
+                let model = BackgroundModel::Pixels(models[0].clone());
+                if scenes.len() > 1 {
+                    lights = Some(Lights { choice: LightChoice::new(&scenes), models, present: 0 });
+                }
+                model
+            }
             InitialBackground::Backdrop(backdrop) => {
                 check_size(&backdrop.picture, (width, height))?;
                 background.copy_from_slice(&backdrop.picture);
@@ -147,6 +190,7 @@ impl Foreground {
             flat_tolerance: vec![options.pixels.least_levels as u8; flat],
             options,
             model,
+            lights,
             health: Health::default(),
             exposure: Exposure::default(),
             morphology: Morphology::default(),
@@ -198,6 +242,7 @@ impl Foreground {
             return Ok(Verdict::Dark);
         }
         self.frames += 1;
+        self.choose_light(frame);
         if self.options.exposure && !self.is_first_look() {
             self.exposure = Exposure::fit(&self.background, frame, &self.exposure);
         }
@@ -248,6 +293,22 @@ impl Foreground {
             BackgroundModel::Adaptive(model) => self.background.copy_from_slice(model.picture()),
         }
         &self.background
+    }
+
+    /// Takes the background of the light in which the frame was taken.
+    fn choose_light(&mut self, frame: &RgbImage) {
+        let (Some(lights), BackgroundModel::Pixels(model)) = (&mut self.lights, &mut self.model) else {
+            return;
+        };
+        let Some(light) = lights.choice.changed_to(frame) else { return };
+        lights.models.swap(lights.present, light);
+        std::mem::swap(model, &mut lights.models[lights.present]);
+        lights.present = light;
+        self.exposure = Exposure::default();
+        self.switched_s = None;
+        self.latest_fraction = 0.0;
+        self.latest_changed = 0.0;
+        self.background();
     }
 
     fn is_first_look(&self) -> bool {
