@@ -9,7 +9,8 @@ use calib::vision::AdaptiveKind;
 use clap::Args;
 use shell::ranges::INTERVAL_S;
 
-use super::outputs::paths_of;
+use shell::files::paths_of;
+
 use crate::Error;
 use crate::doctor::pose_watch::pictures_before_turn;
 use crate::foreground::backdrop::Backdrop;
