@@ -93,6 +93,7 @@ impl<const N: usize> State<N> {
     }
 
     /// The same state in reversed time.
+    #[must_use]
     pub fn reversed(&self) -> Self {
         Self { velocity: -self.velocity, cross_covariance: -self.cross_covariance, ..*self }
     }

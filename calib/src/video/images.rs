@@ -123,7 +123,7 @@ impl Images {
         if let Some(decoded) = &mut self.decoded {
             decoded.frame = Some(frame);
         }
-        scaled.map_err(|error| Error::content(self.path(), "image", &error.to_string()))
+        scaled.map_err(|error| Error::content(self.path(), "image", error.to_string()))
     }
 
     fn decoded(&mut self) -> Result<&mut DecodedImage> {

@@ -293,7 +293,7 @@ impl FrameSource {
             let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
             return Err(match &self.pictures {
                 PictureReader::Images(images) => Error::content(images.path(), "image", &problem),
-                _ => Error::content(Path::new(&self.name), &format!("frame {}", self.delivered), &problem),
+                _ => Error::content(Path::new(&self.name), format!("frame {}", self.delivered), &problem),
             });
         }
         if into.dimensions() != (width, height) {
@@ -360,7 +360,7 @@ impl FrameSource {
             }
             _ => return Ok(()),
         };
-        Err(Error::content(path, &format!("frame {}", self.delivered + 1), &problem))
+        Err(Error::content(path, format!("frame {}", self.delivered + 1), &problem))
     }
 
     /// Tells whether this is a recording that can be opened and read again, not a stream or a device.

@@ -216,13 +216,6 @@ impl LinkArguments {
 /// rate, frames a second.
 pub type LookAtVideo = fn(&str, &mut Detections, &Console) -> anyhow::Result<Option<f64>>;
 
-impl LinkArgs {
-    /// Whether the command needs a [`LookAtVideo`].
-    pub fn has_video(&self) -> bool {
-        self.video.is_some()
-    }
-}
-
 /// Runs the subcommand and returns what to print.
 ///
 /// # Errors

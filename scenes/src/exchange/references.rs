@@ -66,7 +66,7 @@ pub fn find(folder: &Path, cameras: &mut [PicturedCamera]) -> Result<Vec<Referen
 /// [`Error::File`] or [`Error::Calib`], naming the file.
 pub fn copy(references: &[Reference], dir: &Path) -> Result<()> {
     for Reference { picture, place } in references {
-        let bytes = std::fs::read(picture).map_err(Error::io(&picture))?;
+        let bytes = std::fs::read(picture).map_err(Error::io(picture))?;
         calib::files::write_atomic(&dir.join(place), &bytes)?;
     }
     Ok(())

@@ -3,10 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{CommandFactory, Parser, Subcommand};
-use shell::program::as_called;
-
-/// Name of the program.
-pub(crate) const NAME: &str = "roomtrack";
+use roomtrack::NAME;
 
 /// Reconstructs a room once from what its cameras film, then follows every person in it, in metres on its floor.
 #[derive(Parser)]
@@ -54,57 +51,35 @@ pub(crate) enum Family {
     },
 }
 
-/// The commands of the short programs, `tracker run` and its like.
-pub(crate) fn short_commands() -> Vec<String> {
-    let programs = [
-        recon::cli::Arguments::command(),
-        scenes::cli::Arguments::command(),
-        tracker::cli::Arguments::command(),
-        calib::cli::Arguments::command(),
-    ];
-    let commands_of = |program: &clap::Command| {
-        let name = program.get_name().to_owned();
-        let commands = program.get_subcommands().filter(|command| !command.is_hide_set());
-        commands.map(|command| format!("{name} {}", command.get_name())).collect::<Vec<_>>()
-    };
-    programs.iter().flat_map(commands_of).collect()
-}
-
 /// The whole command line; its texts name commands as this program has them.
 pub(crate) fn command() -> clap::Command {
-    with_called_commands(Arguments::command())
-}
-
-fn with_called_commands(mut command: clap::Command) -> clap::Command {
-    let called = |text: &clap::builder::StyledStr| as_called(&text.to_string()).into_owned();
-    if let Some(text) = command.get_about().map(called) {
-        command = command.about(text);
-    }
-    if let Some(text) = command.get_long_about().map(called) {
-        command = command.long_about(text);
-    }
-    if let Some(text) = command.get_after_help().map(called) {
-        command = command.after_help(text);
-    }
-    if let Some(text) = command.get_after_long_help().map(called) {
-        command = command.after_long_help(text);
-    }
-    command
-        .mut_args(|mut argument| {
-            if let Some(text) = argument.get_help().map(called) {
-                argument = argument.help(text);
-            }
-            if let Some(text) = argument.get_long_help().map(called) {
-                argument = argument.long_help(text);
-            }
-            argument
-        })
-        .mut_subcommands(with_called_commands)
+    roomtrack::with_called_commands(Arguments::command())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The commands of the short programs, `tracker run` and its like.
+    fn short_commands() -> Vec<String> {
+        let programs = [
+            recon::cli::Arguments::command(),
+            scenes::cli::Arguments::command(),
+            tracker::cli::Arguments::command(),
+            calib::cli::Arguments::command(),
+        ];
+        let commands_of = |program: &clap::Command| {
+            let name = program.get_name().to_owned();
+            let commands = program.get_subcommands().filter(|command| !command.is_hide_set());
+            commands.map(|command| format!("{name} {}", command.get_name())).collect::<Vec<_>>()
+        };
+        programs.iter().flat_map(commands_of).collect()
+    }
+
+    #[test]
+    fn the_list_of_commands_is_whole() {
+        assert_eq!(roomtrack::SHORT_COMMANDS.to_vec(), short_commands());
+    }
 
     fn commands_below(command: &clap::Command) -> Vec<&clap::Command> {
         let below = command.get_subcommands().filter(|command| !command.is_hide_set());
@@ -120,7 +95,7 @@ mod tests {
 
     #[test]
     fn examples_begin_with_the_programs_own_name() {
-        shell::program::join(NAME, short_commands());
+        roomtrack::join();
         let mut command = command();
         command.build();
         let mut examples = 0;

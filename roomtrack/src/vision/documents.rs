@@ -5,7 +5,9 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::arguments::{self, NAME};
+use roomtrack::NAME;
+
+use crate::arguments;
 
 /// Prints the completions of `shell`.
 pub(crate) fn completions(shell: clap_complete::Shell) -> anyhow::Result<()> {
