@@ -4,7 +4,9 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 prefix=$1
 
-install -D -m 755 "${CARGO_TARGET_DIR:-target}/dist/roomtrack" "$prefix/bin/roomtrack"
+built=${CARGO_TARGET_DIR:-target}/dist
+install -D -m 755 "$built/roomtrack" "$prefix/bin/roomtrack"
+install -D -m 755 "$built/roomtrack-vision" "$prefix/lib/roomtrack/roomtrack-vision"
 install -D -m 644 -t "$prefix/share/man/man1" target/package/man/*.1.gz
 install -D -m 644 target/package/completions/bash "$prefix/share/bash-completion/completions/roomtrack"
 install -D -m 644 target/package/completions/zsh "$prefix/share/zsh/site-functions/_roomtrack"

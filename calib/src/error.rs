@@ -1,28 +1,13 @@
 //! Error type of the crate. Each variant names what is wrong, the place, and what to do.
 
-use std::path::PathBuf;
+use shell::files::FileError;
 
 /// Errors of the crate `calib`; each names file, place and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A file could not be read or written.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Error of the system.
-        source: std::io::Error,
-    },
-    /// A file was read, but its content cannot be used.
-    #[error("{path}: {place}: {problem}")]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// The place in it: a line, a key, a frame.
-        place: String,
-        /// Problem, and what to do about it.
-        problem: String,
-    },
+    /// A file that cannot be read, written or used.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Numbers that make no camera, no rotation or no transform.
     #[error("{0}")]
     Invalid(String),
@@ -39,6 +24,8 @@ pub enum Error {
         message: String,
     },
 }
+
+shell::file_error_constructors!(Error);
 
 /// `Result` with the crate's [`enum@Error`].
 pub type Result<T> = std::result::Result<T, Error>;

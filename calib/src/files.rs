@@ -15,7 +15,7 @@ use crate::{Camera, Distortion, Error, Intrinsics, Result};
 /// the new one, never a part.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path`; a file that stood there before is then untouched.
+/// [`Error::File`] naming `path`; a file that stood there before is then untouched.
 pub fn write_atomic(path: &Path, content: &[u8]) -> Result<()> {
     write_together(&[(path, content)])
 }
@@ -24,36 +24,34 @@ pub fn write_atomic(path: &Path, content: &[u8]) -> Result<()> {
 /// disk or a refused folder leaves every one of them as it was. They take their names in the given order.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file that could not be written; [`Error::Content`] where a folder stands in its place.
+/// [`Error::File`] naming the file that could not be written; [`Error::File`] where a folder stands in its place.
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     let mut staged = Vec::with_capacity(files.len());
     for &(path, content) in files {
-        let io = |source| Error::Io { path: path.to_owned(), source };
+        let io = Error::io(path);
         if path.is_dir() {
-            let (place, problem) = ("output".to_owned(), "is a folder; name a file in it".to_owned());
-            return Err(Error::Content { path: path.to_owned(), place, problem });
+            return Err(Error::content(path, "output", "is a folder; name a file in it"));
         }
         let mut file = StagedFile::create(path).map_err(io)?;
         file.write_all(content).map_err(io)?;
         staged.push(file);
     }
-    StagedFile::finish_all(staged)
-        .map_err(|(number, source)| Error::Io { path: files[number].0.to_owned(), source })
+    StagedFile::finish_all(staged).map_err(|(number, source)| Error::io(files[number].0)(source))
 }
 
 /// Text of a file.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file.
+/// [`Error::File`] naming the file.
 pub fn read_text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.to_owned(), source })
+    std::fs::read_to_string(path).map_err(Error::io(path))
 }
 
 /// Parses a TOML file, naming file, line and problem when it does not fit `T`; an array that is longer than `T`'s does not
 /// fit.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Content`] with the line and column.
+/// [`Error::File`] with the line and column.
 pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     parse_toml(path, &read_text(path)?)
 }
@@ -61,7 +59,7 @@ pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
 /// Parses the text of a TOML file, naming file, line and problem when it does not fit `T`.
 ///
 /// # Errors
-/// [`Error::Content`] with the line and column.
+/// [`Error::File`] with the line and column.
 pub fn parse_toml<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     let parsed = toml::Deserializer::parse(text).and_then(|whole| T::deserialize(ExactLength(whole)));
     parsed.map_err(|e| {
@@ -74,7 +72,7 @@ pub fn parse_toml<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Re
                 format!("line {line}, column {column}")
             },
         );
-        Error::Content { path: path.to_owned(), place, problem: e.message().replace('\n', " ") }
+        Error::content(path, place, e.message().replace('\n', " "))
     })
 }
 
@@ -142,21 +140,17 @@ pub fn pose_text(camera: &Camera, rms_px: f64, with_lens: bool) -> Result<String
 /// Reads a camera's intrinsics as written by `calib intrinsics`, or by `calib pose` with an estimated lens.
 ///
 /// # Errors
-/// [`Error::Io`] or [`Error::Content`], naming file and place.
+/// [`Error::File`], naming file and place.
 pub fn read_intrinsics(path: &Path) -> Result<Intrinsics> {
     let file: IntrinsicsFile = read_toml(path)?;
     Intrinsics::from_matrix(file.width, file.height, &matrix_from_rows(&file.matrix), file.distortion)
-        .map_err(|e| Error::Content {
-            path: path.to_owned(),
-            place: "matrix, distortion".into(),
-            problem: e.to_string(),
-        })
+        .map_err(|e| Error::content(path, "matrix, distortion", e.to_string()))
 }
 
 /// Writes a camera's intrinsics for `room.toml`'s `intrinsics` line.
 ///
 /// # Errors
-/// [`Error::Io`].
+/// [`Error::File`].
 pub fn write_intrinsics(path: &Path, intrinsics: &Intrinsics) -> Result<()> {
     let text = toml::to_string(&IntrinsicsFile::of(intrinsics)).map_err(|e| Error::Invalid(e.to_string()))?;
     write_atomic(path, text.as_bytes())

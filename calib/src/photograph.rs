@@ -18,11 +18,10 @@ const FIELD_OF_VIEW_DEG: std::ops::RangeInclusive<f64> = 5.0..=130.0;
 /// `FocalLengthIn35mmFilm` is used, or `FocalLength` with the sensor's resolution in the focal plane.
 ///
 /// # Errors
-/// [`Error::Content`] for an EXIF block that cannot be read, and for a focal length that no camera for rooms has.
+/// [`Error::File`] for an EXIF block that cannot be read, and for a focal length that no camera for rooms has.
 pub fn focal_px(photograph: &Path, [width_px, height_px]: [u32; 2]) -> Result<Option<f64>> {
-    let told =
-        |problem: String| Error::Content { path: photograph.to_owned(), place: "EXIF".into(), problem };
-    let file = File::open(photograph).map_err(|source| Error::Io { path: photograph.to_owned(), source })?;
+    let told = |problem: String| Error::content(photograph, "EXIF", problem);
+    let file = File::open(photograph).map_err(Error::io(photograph))?;
     let exif = match Reader::new().read_from_container(&mut BufReader::new(file)) {
         Ok(exif) => exif,
         Err(exif::Error::NotFound(_)) => return Ok(None),
@@ -74,6 +73,7 @@ pub(crate) mod tests {
     use exif::experimental::Writer;
     use exif::{Field, Rational};
     use image::RgbImage;
+    use shell::files::FileError;
 
     fn photograph(folder: &Path, block: &[u8]) -> std::path::PathBuf {
         photograph_of(folder, &RgbImage::new(64, 48), block)
@@ -174,6 +174,9 @@ pub(crate) mod tests {
             let error = focal_px(&photograph(folder.path(), broken), [640, 480]).unwrap_err();
             assert!(error.to_string().contains("EXIF"), "{error}");
         }
-        assert!(matches!(focal_px(&folder.path().join("gone.jpg"), [640, 480]), Err(Error::Io { .. })));
+        assert!(matches!(
+            focal_px(&folder.path().join("gone.jpg"), [640, 480]),
+            Err(Error::File(FileError::Io { .. }))
+        ));
     }
 }

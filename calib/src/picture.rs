@@ -34,7 +34,7 @@ pub fn size_defect(width: u32, height: u32) -> Option<String> {
 /// Reads a picture upright.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be opened, [`Error::Content`] when it cannot be decoded.
+/// [`Error::File`] when the file cannot be opened, [`Error::File`] when it cannot be decoded.
 pub fn read(path: &Path) -> Result<DynamicImage> {
     let mut decoder = decoder(path)?;
     let orientation = decoder.orientation().map_err(|e| undecodable(path, &e))?;
@@ -46,11 +46,11 @@ pub fn read(path: &Path) -> Result<DynamicImage> {
 /// Decodes a picture in memory as it is stored; `path` is for messages.
 ///
 /// # Errors
-/// [`Error::Content`] when it cannot be decoded.
+/// [`Error::File`] when it cannot be decoded.
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     // Reading from memory does not fail.
-    let reader = reader.map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    let reader = reader.map_err(Error::io(path))?;
     DynamicImage::from_decoder(checked(path, reader)?).map_err(|e| undecodable(path, &e))
 }
 
@@ -86,17 +86,15 @@ pub fn is_upright(path: &Path) -> Result<bool> {
 /// Encodes a picture in the format that its file's name states.
 ///
 /// # Errors
-/// [`Error::Content`] for a name that states no format.
+/// [`Error::File`] for a name that states no format.
 pub fn encode<P, C>(path: &Path, picture: &ImageBuffer<P, C>) -> Result<Vec<u8>>
 where
     P: PixelWithColorType,
     [P::Subpixel]: EncodableLayout,
     C: Deref<Target = [P::Subpixel]>,
 {
-    let refused = |e: &ImageError| Error::Content {
-        path: path.to_owned(),
-        place: "output".into(),
-        problem: format!("cannot be written as a picture ({e}); name it .png or .jpg"),
+    let refused = |e: &ImageError| {
+        Error::content(path, "output", format!("cannot be written as a picture ({e}); name it .png or .jpg"))
     };
     let format = ImageFormat::from_path(path).map_err(|e| refused(&e))?;
     let mut bytes = Cursor::new(Vec::new());
@@ -107,7 +105,7 @@ where
 /// Writes a picture in the format that its file's name states, as [`write_atomic`] does.
 ///
 /// # Errors
-/// As [`encode`]; [`Error::Io`] when the file cannot be written.
+/// As [`encode`]; [`Error::File`] when the file cannot be written.
 pub fn write<P, C>(path: &Path, picture: &ImageBuffer<P, C>) -> Result<()>
 where
     P: PixelWithColorType,
@@ -118,7 +116,7 @@ where
 }
 
 fn decoder(path: &Path) -> Result<impl ImageDecoder> {
-    let reader = ImageReader::open(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    let reader = ImageReader::open(path).map_err(Error::io(path))?;
     checked(path, reader)
 }
 
@@ -128,16 +126,12 @@ fn checked<'a>(path: &Path, reader: ImageReader<impl BufRead + Seek + 'a>) -> Re
     let (width, height) = decoder.dimensions();
     match size_defect(width, height) {
         None => Ok(decoder),
-        Some(problem) => Err(Error::Content { path: path.to_owned(), place: "image".into(), problem }),
+        Some(problem) => Err(Error::content(path, "image", problem)),
     }
 }
 
 fn undecodable(path: &Path, error: &ImageError) -> Error {
-    Error::Content {
-        path: path.to_owned(),
-        place: "image".into(),
-        problem: format!("cannot be decoded ({error}); is the file whole?"),
-    }
+    Error::content(path, "image", format!("cannot be decoded ({error}); is the file whole?"))
 }
 
 #[cfg(test)]
@@ -146,6 +140,7 @@ mod tests {
     use crate::photograph::tests::{block, photograph_of};
     use exif::{Tag, Value};
     use image::{Rgb, RgbImage};
+    use shell::files::FileError;
 
     /// Dark but for its upper left corner, wider than high.
     fn marked() -> RgbImage {
@@ -181,7 +176,10 @@ mod tests {
     fn files_that_are_no_pictures_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        assert!(matches!(read(&path), Err(Error::Io { .. })) && matches!(size(&path), Err(Error::Io { .. })));
+        assert!(
+            matches!(read(&path), Err(Error::File(FileError::Io { .. })))
+                && matches!(size(&path), Err(Error::File(FileError::Io { .. })))
+        );
         std::fs::write(&path, "a poem").unwrap();
         for said in [read(&path).unwrap_err().to_string(), size(&path).unwrap_err().to_string()] {
             assert!(said.contains("a.png: image: cannot be decoded"), "{said}");

@@ -1,29 +1,18 @@
-//! `roomtrack`: the programs `calib`, `scenes`, `recon` and `tracker` in one, each a family of commands.
+//! `roomtrack`: the one program that people call. What needs numbers alone is done here: a room's model, the evaluation and
+//! linking of tracks. Any other command goes to `roomtrack-vision`, which loads OpenCV and FFmpeg with the hundred and fifty
+//! libraries that they need: half a second from a cold disk.
 //!
 //! Exit status: that of the command; 2 after any failure, then one line on standard error names the problem and its
 //! place.
 #![forbid(unsafe_code)]
 
-mod arguments;
-mod documents;
+mod numbers;
+mod vision;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::FromArgMatches;
-use shell::console::{CANNOT, Console};
-
-use arguments::{Arguments, Family};
-
 fn main() -> ExitCode {
-    shell::program::join(arguments::NAME, arguments::short_commands());
-    let parsed = shell::console::parsed(arguments::command(), Arguments::from_arg_matches);
-    let documents = match parsed.family {
-        Family::Calib(arguments) => return calib::cli::run(&arguments),
-        Family::Scenes(arguments) => return scenes::cli::run(&arguments),
-        Family::Recon(arguments) => return recon::cli::run(&arguments),
-        Family::Tracker(arguments) => return tracker::cli::run(&arguments),
-        Family::Completions { shell } => documents::completions(shell),
-        Family::Man { out } => documents::man_pages(&out),
-    };
-    Console::start(0).end(documents, CANNOT)
+    let words: Vec<OsString> = std::env::args_os().skip(1).collect();
+    if numbers::suffice(&words) { numbers::run() } else { vision::become_it(&words) }
 }

@@ -1,28 +1,15 @@
 //! Error type of the crate. Each variant names the file, the place in it and what to do.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+use shell::files::FileError;
 
 /// Errors of the crate `scenes`; each names file, place and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A file could not be read or written.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Error of the system.
-        source: std::io::Error,
-    },
-    /// A file was read, but its content cannot be used.
-    #[error("{path}: {place}: {problem}")]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// The place in it: a line, a key, an element.
-        place: String,
-        /// Problem, and what to do about it.
-        problem: String,
-    },
+    /// A file that cannot be read, written or used.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Another program has changed in the file the same items that the editor is about to save.
     #[error("{path}: {conflicts}; load it again and make the change again, or save over it")]
     Conflict {
@@ -58,12 +45,7 @@ pub enum Error {
     Calib(#[from] calib::Error),
 }
 
-impl Error {
-    /// Builds an [`Error::Content`].
-    pub fn content(path: &Path, place: impl Into<String>, problem: impl Into<String>) -> Self {
-        Self::Content { path: path.to_owned(), place: place.into(), problem: problem.into() }
-    }
-}
+shell::file_error_constructors!(Error);
 
 /// `Result` with the crate's [`enum@Error`].
 pub type Result<T> = std::result::Result<T, Error>;

@@ -5,6 +5,7 @@
 //! * [`plain_text`] — text of files and names, made safe for a terminal.
 //! * [`files`] — files that are written whole or not at all, and never in place of an input.
 //! * [`ranges`] — the ranges of numbers in files and options.
+//! * [`options`] — checks of options, and the flags under which the command line knows them.
 //! * [`canvas`] — drawing: shapes and text over pictures.
 //! * [`loopback`] — pages that a program serves to its own machine.
 #![forbid(unsafe_code)]
@@ -13,6 +14,7 @@ pub mod canvas;
 pub mod console;
 pub mod files;
 pub mod loopback;
+pub mod options;
 pub mod plain_text;
 pub mod program;
 pub mod ranges;

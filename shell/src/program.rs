@@ -2,6 +2,7 @@
 //! (`roomtrack tracker run …`). Texts of the libraries name commands in the short form.
 
 use std::borrow::Cow;
+use std::path::Path;
 use std::sync::OnceLock;
 
 /// The program that has the commands of all others.
@@ -30,6 +31,19 @@ pub fn as_called(text: &str) -> Cow<'_, str> {
 /// Arguments before those of the short program `program`, where this process starts itself again.
 pub fn arguments_before(program: &'static str) -> Option<&'static str> {
     JOINT.get().map(|_| program)
+}
+
+/// The command as it was called, without its arguments: `tracker run`, `roomtrack tracker run`.
+pub fn command() -> String {
+    command_of(std::env::args(), JOINT.get().is_some())
+}
+
+/// The command of a program with these arguments, of which the first is the program's path.
+fn command_of(mut arguments: impl Iterator<Item = String>, is_joint: bool) -> String {
+    let program = arguments.next().unwrap_or_default();
+    let name = Path::new(&program).file_name().map_or(program.clone(), |name| name.to_string_lossy().into());
+    let words = arguments.filter(|word| !word.starts_with('-')).take(if is_joint { 2 } else { 1 });
+    std::iter::once(name).chain(words).collect::<Vec<_>>().join(" ")
 }
 
 impl Joint {
@@ -83,6 +97,17 @@ mod tests {
             ("", ""),
         ] {
             assert_eq!(joint.as_called(short), called);
+        }
+    }
+
+    #[test]
+    fn a_command_is_named_without_its_arguments() {
+        for (line, is_joint, command) in [
+            ("/usr/bin/tracker run room --out out", false, "tracker run"),
+            ("/usr/bin/roomtrack tracker -v run room", true, "roomtrack tracker run"),
+            ("tracker", false, "tracker"),
+        ] {
+            assert_eq!(command_of(line.split(' ').map(str::to_owned), is_joint), command);
         }
     }
 

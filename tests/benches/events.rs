@@ -14,6 +14,7 @@
 use std::path::Path;
 
 use calib::Distortion;
+use mot::rows::RowFile;
 use nalgebra::Point2;
 use scenes::room::Room;
 use synthetic::{RoomKind, RoomOptions, SyntheticRoom, WalkerOptions};
@@ -24,7 +25,6 @@ use tests::events::score::{Score, Truths, quantile, score, valid};
 use tests::events::{TruePath, places};
 use tests::live::films::{Hall, RecordedRoom, office_recorded};
 use tracker::events::{Event, EventKind, EventOptions, Events, Tally};
-use tracker::tracks::rows::RowFile;
 
 /// Rate of all recordings, Hz.
 const RATE_HZ: f64 = 12.0;

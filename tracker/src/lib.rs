@@ -28,21 +28,16 @@
 //! * [`publish`] — people, events, counts and figures for other programs, while the run goes on.
 //! * [`serve`] — rooms that are followed day after day, and the people who walk between them.
 //! * [`plan`] — the floor plan with all trajectories.
-//! * [`detect`] — detections of people in one camera's pictures: input of [`link`].
-//! * [`link`] — tracks of least total cost from a whole recording's detections.
-//! * [`eval`] — evaluation of tracks against the truth: CLEAR MOT, identity, HOTA, position error.
-//! * [`chart`] — line charts.
+//! * [`detect`] — detections of people in one camera's pictures: input of [`mot::link`].
 //! * [`report`] — one self-contained page about a run.
 //! * [`export`] — a run in the formats of other programs: MCAP, `GeoJSON`.
 //! * [`cli`] — the command line: one file a subcommand.
 #![forbid(unsafe_code)]
 
-pub mod chart;
 pub mod cli;
 pub mod detect;
 pub mod doctor;
 mod error;
-pub mod eval;
 pub mod events;
 pub mod export;
 pub mod film;
@@ -50,12 +45,10 @@ pub mod foreground;
 pub mod gathering;
 pub mod identity;
 pub mod likelihood;
-pub mod link;
 pub mod method;
 pub mod moment;
 pub mod observation;
 pub mod offsets;
-mod option_checks;
 pub mod plan;
 pub mod prepared_room;
 pub mod publish;
@@ -67,8 +60,8 @@ pub mod source;
 pub mod station;
 pub mod tracks;
 pub mod view;
-mod white_noise_acceleration;
 pub mod wire;
 
 pub use error::{Error, Result};
-pub use moment::{CameraFrame, Moment, PersonEstimate, TrackId};
+pub use moment::{CameraFrame, Moment, PersonEstimate};
+pub use mot::TrackId;

@@ -3,20 +3,9 @@
 use std::sync::Arc;
 
 use image::RgbImage;
-use serde::{Deserialize, Serialize};
+use mot::TrackId;
 
 use crate::observation::{Colours, Mask, PersonBox};
-
-/// Number of a track. A run never uses a number twice.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct TrackId(pub u32);
-
-impl std::fmt::Display for TrackId {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.fmt(f)
-    }
-}
 
 /// One camera's part of one moment, in the camera's *pinhole* image at the working size
 /// ([`crate::prepared_room::PreparedCamera`]).

@@ -9,12 +9,10 @@ use crate::{Error, Result};
 /// Text of a video file's `creation_time`: RFC 3339, in UTC. `None` where the container states none.
 ///
 /// # Errors
-/// [`Error::Content`] when FFmpeg cannot open the file.
+/// [`Error::File`] when FFmpeg cannot open the file.
 pub fn creation_time(path: &Path) -> Result<Option<String>> {
-    let fail = |e: ffmpeg::Error| Error::Content {
-        path: path.to_owned(),
-        place: "whole file".to_owned(),
-        problem: format!("is no video that FFmpeg can open ({e})"),
+    let fail = |e: ffmpeg::Error| {
+        Error::content(path, "whole file", format!("is no video that FFmpeg can open ({e})"))
     };
     super::start_ffmpeg().map_err(fail)?;
     // The prefix keeps a name with a colon from being read as a protocol's.

@@ -6,7 +6,6 @@ use ffmpeg::format::Pixel;
 use ffmpeg::frame;
 use image::{DynamicImage, RgbImage};
 
-use super::content;
 use super::name_order::sort_by_number;
 use super::pixels::{self, Orientation, RgbBuffers};
 use crate::{Error, Result, picture};
@@ -39,7 +38,7 @@ impl Images {
         let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         sort_by_number(&mut paths, name);
         if paths.is_empty() {
-            return Err(content(folder, "folder", "holds no .jpg, .jpeg or .png image"));
+            return Err(Error::content(folder, "folder", "holds no .jpg, .jpeg or .png image"));
         }
         Ok(Self::new(paths))
     }
@@ -52,7 +51,7 @@ impl Images {
         let path = Path::new(pattern);
         let (folder, name) = (path.parent().unwrap_or(Path::new("")), path.file_name().unwrap_or_default());
         let Some(name) = name.to_str().and_then(Numbered::parse) else {
-            return Err(content(
+            return Err(Error::content(
                 path,
                 "pattern",
                 "the file's name needs one %d or %04d, where its number stands",
@@ -63,11 +62,11 @@ impl Images {
             listed(listing)?.iter().filter_map(|file| name.number(file.file_name()?.to_str()?)).collect();
         numbers.sort_unstable();
         if numbers.is_empty() {
-            return Err(content(path, "pattern", "no file has such a name"));
+            return Err(Error::content(path, "pattern", "no file has such a name"));
         }
         if let Some(gap) = numbers.windows(2).find(|pair| pair[1] != pair[0] + 1) {
             let problem = format!("is missing, between {} and {}", name.name(gap[0]), name.name(gap[1]));
-            return Err(content(&folder.join(name.name(gap[0] + 1)), "pattern", &problem));
+            return Err(Error::content(&folder.join(name.name(gap[0] + 1)), "pattern", &problem));
         }
         let paths = numbers.into_iter().map(|number| folder.join(name.name(number))).collect();
         Ok(Self::new(paths))
@@ -124,7 +123,7 @@ impl Images {
         if let Some(decoded) = &mut self.decoded {
             decoded.frame = Some(frame);
         }
-        scaled.map_err(|error| content(self.path(), "image", &error.to_string()))
+        scaled.map_err(|error| Error::content(self.path(), "image", error.to_string()))
     }
 
     fn decoded(&mut self) -> Result<&mut DecodedImage> {
@@ -186,8 +185,7 @@ impl<'a> Numbered<'a> {
 }
 
 fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries =
-        std::fs::read_dir(folder).map_err(|source| Error::Io { path: folder.to_owned(), source })?;
+    let entries = std::fs::read_dir(folder).map_err(Error::io(folder))?;
     Ok(entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
 }
 

@@ -8,10 +8,7 @@
 //! * [`creation_time`] — time at which a video was recorded, as its container states it.
 //! * [`FilmWriter`] — an MP4 film, under a temporary name until it is finished.
 
-use std::path::Path;
 use std::sync::Once;
-
-use crate::Error;
 
 mod container;
 mod creation;
@@ -39,9 +36,4 @@ fn start_ffmpeg() -> Result<(), ffmpeg::Error> {
     let mut started = Ok(());
     STARTED.call_once(|| started = ffmpeg::init());
     started
-}
-
-/// Error of a source that was found but cannot be used.
-fn content(path: &Path, place: &str, problem: &str) -> Error {
-    Error::Content { path: path.to_owned(), place: place.to_owned(), problem: problem.to_owned() }
 }

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use image::RgbImage;
 
-use super::content;
 use super::decoder::{Decoder, PacketEnd};
 #[cfg(target_os = "linux")]
 use super::device::Device;
@@ -95,10 +94,9 @@ impl FrameSource {
 
     fn open_file(spec: &str) -> Result<Self> {
         let path = Path::new(spec);
-        let length =
-            std::fs::metadata(path).map_err(|source| Error::Io { path: path.to_owned(), source })?.len();
+        let length = std::fs::metadata(path).map_err(Error::io(path))?.len();
         if length == 0 {
-            return Err(content(path, "whole file", "the file is empty"));
+            return Err(Error::content(path, "whole file", "the file is empty"));
         }
         Self::of_video(spec, SourceKind::File, Decoder::open_file(spec))
     }
@@ -118,7 +116,7 @@ impl FrameSource {
             let mend = if kind == SourceKind::File { "is it whole" } else { "does it stream" };
             let problem =
                 format!("cannot be decoded as video ({why}); {mend}, and in a format that ffmpeg knows?");
-            content(Path::new(spec), "frame 1", &problem)
+            Error::content(Path::new(spec), "frame 1", &problem)
         };
         let mut decoder = opened.map_err(|error| undecodable(&error.to_string()))?;
         if !decoder.advance() {
@@ -156,7 +154,7 @@ impl FrameSource {
 
     #[cfg(target_os = "linux")]
     fn open_device(spec: &str, number: usize) -> Result<Self> {
-        let cannot = |problem: String| content(Path::new(spec), "device", &problem);
+        let cannot = |problem: String| Error::content(Path::new(spec), "device", &problem);
         let mut device = Device::open(number).map_err(cannot)?;
         if !device.advance() {
             return Err(cannot("sends no picture; is another program using it?".to_owned()));
@@ -169,7 +167,7 @@ impl FrameSource {
     #[cfg(not(target_os = "linux"))]
     fn open_device(spec: &str, _: usize) -> Result<Self> {
         let problem = "devices are read on Linux only; let ffmpeg stream it and give the stream's URL";
-        Err(content(Path::new(spec), "device", problem))
+        Err(Error::content(Path::new(spec), "device", problem))
     }
 
     /// Name of the source as the user gave it.
@@ -264,7 +262,7 @@ impl FrameSource {
     /// Before the first frame, an image without pixels, or a frame that cannot be converted.
     pub fn picture(&mut self, into: &mut RgbImage) -> Result<()> {
         let place = format!("frame {}", self.delivered);
-        let refused = |problem: &str| content(Path::new(&self.name), &place, problem);
+        let refused = |problem: &str| Error::content(Path::new(&self.name), &place, problem);
         if self.delivered == 0 || self.is_at_end || into.is_empty() {
             let problem =
                 if into.is_empty() { "is asked for without a size" } else { "is none; advance first" };
@@ -294,8 +292,8 @@ impl FrameSource {
         if (w, h) != (width, height) {
             let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
             return Err(match &self.pictures {
-                PictureReader::Images(images) => content(images.path(), "image", &problem),
-                _ => content(Path::new(&self.name), &format!("frame {}", self.delivered), &problem),
+                PictureReader::Images(images) => Error::content(images.path(), "image", &problem),
+                _ => Error::content(Path::new(&self.name), format!("frame {}", self.delivered), &problem),
             });
         }
         if into.dimensions() != (width, height) {
@@ -348,8 +346,7 @@ impl FrameSource {
         }
         let path = Path::new(&self.name);
         let format = decoder.format();
-        let is_cut_off = extent::is_cut_off(path, &format)
-            .map_err(|source| Error::Io { path: path.to_owned(), source })?
+        let is_cut_off = extent::is_cut_off(path, &format).map_err(Error::io(path))?
             || (decoder.end() == Some(PacketEnd::InPacket) && !ENDS_ANYWHERE.contains(&format.as_str()));
         let promised = self.expected.filter(|promised| *promised > self.delivered);
         let problem = match (decoder.end(), promised) {
@@ -363,7 +360,7 @@ impl FrameSource {
             }
             _ => return Ok(()),
         };
-        Err(content(path, &format!("frame {}", self.delivered + 1), &problem))
+        Err(Error::content(path, format!("frame {}", self.delivered + 1), &problem))
     }
 
     /// Tells whether this is a recording that can be opened and read again, not a stream or a device.

@@ -40,8 +40,7 @@ impl FilmWriter {
     /// [`Error`] when the folder cannot be made or no encoder opens.
     pub fn create(target: &Path, width: u32, height: u32, rate: f64) -> Result<Self> {
         if let Some(folder) = target.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|source| Error::Io { path: folder.to_owned(), source })?;
+            std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
         }
         let partial = target.with_extension("partial.mp4");
         let opened = Self::open(target, &partial, (width, height), rate);
@@ -49,10 +48,9 @@ impl FilmWriter {
             // Opening has created the file; a partial file must not stay.
             let _ = std::fs::remove_file(&partial);
         }
-        opened.map_err(|error| Error::Content {
-            path: target.to_owned(),
-            place: format!("{width} × {height} at {rate} frames/s"),
-            problem: format!("cannot be encoded ({error}); run with --no-film"),
+        opened.map_err(|error| {
+            let place = format!("{width} × {height} at {rate} frames/s");
+            Error::content(target, place, format!("cannot be encoded ({error}); run with --no-film"))
         })
     }
 
@@ -143,15 +141,11 @@ impl FilmWriter {
         // A full disk may show only now.
         let named = File::open(&self.partial).and_then(|film| film.sync_all());
         let named = named.and_then(|()| std::fs::rename(&self.partial, &self.target));
-        named.map_err(|source| Error::Io { path: self.target.clone(), source })
+        named.map_err(Error::io(&self.target))
     }
 
     fn refused(&self, error: ffmpeg::Error) -> Error {
-        Error::Content {
-            path: self.target.clone(),
-            place: format!("frame {}", self.frames),
-            problem: format!("cannot be written: {error}"),
-        }
+        Error::content(&self.target, format!("frame {}", self.frames), format!("cannot be written: {error}"))
     }
 }
 

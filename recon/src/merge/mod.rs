@@ -113,7 +113,7 @@ pub(crate) fn camera_pose(frame_from_camera: &Similarity3<f64>) -> Isometry3<f64
 /// `plumb`: vertical in each camera's frame by the lines in its pictures, where that is known; may be empty.
 ///
 /// # Errors
-/// [`Error::Content`] naming the pick that contradicts the others of a pair, or a pair without enough usable depth at
+/// [`Error::File`] naming the pick that contradicts the others of a pair, or a pair without enough usable depth at
 /// its picks.
 pub fn merge(
     project: &Project,

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use axum::Router;
 use axum::extract::{Path, State};
 use axum::routing::{get, post, put};
+use shell::files::FileError;
 use shell::loopback::{Answer, JsonBody, Listener, PageFile, Protection};
 
 use super::page::FILES;
@@ -126,7 +127,7 @@ impl From<Error> for Answer {
     fn from(error: Error) -> Self {
         let status = match error {
             Error::Changed(_) => 409,
-            Error::Content { .. } | Error::Room(_) | Error::Capture { .. } => 422,
+            Error::File(FileError::Content { .. }) | Error::Room(_) | Error::Capture { .. } => 422,
             _ => 500,
         };
         Self::error(status, &error.to_string())

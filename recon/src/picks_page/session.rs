@@ -142,7 +142,7 @@ impl Session {
     /// Reads the cameras of a project. `room`: directory that builds make. `host`, `protection`: those of the page.
     ///
     /// # Errors
-    /// As [`Project::read_unpicked`]; [`Error::Content`] for a project of one camera, which has no points to pick.
+    /// As [`Project::read_unpicked`]; [`Error::File`] for a project of one camera, which has no points to pick.
     pub fn open(
         project: &Path,
         room: &Path,

@@ -13,7 +13,7 @@ use crate::{Error, Result};
 /// # Errors
 /// [`Error::Room`] where another command has the lock.
 pub fn lock_room(out: &Path, command: &str) -> Result<Option<FolderLock>> {
-    let absolute = std::path::absolute(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
+    let absolute = std::path::absolute(out).map_err(Error::io(out))?;
     let above = absolute.ancestors().skip(1).find(|folder| folder.is_dir()).unwrap_or(Path::new("/"));
     let name = absolute.file_name().unwrap_or_default().to_string_lossy();
     let file = above.join(format!(".{name}{}", FolderLock::NAME));

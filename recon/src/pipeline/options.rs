@@ -38,7 +38,7 @@ impl BuildOptions {
     /// Reads the options of the stages; those that the file does not name have their defaults.
     ///
     /// # Errors
-    /// [`Error::Calib`] for a file that cannot be read, [`Error::Content`] for an unknown option or an impossible value.
+    /// [`Error::Calib`] for a file that cannot be read, [`Error::File`] for an unknown option or an impossible value.
     pub fn read(path: &Path) -> Result<Self> {
         let text = calib::files::read_text(path)?;
         let options: Self = toml::from_str(&text).map_err(|e| {

@@ -23,7 +23,7 @@ const JPEG_QUALITY: u8 = 95;
 /// not be replaced. The check leaves no files behind.
 ///
 /// # Errors
-/// [`Error::Content`] when the target cannot be written or replaced without loss: hours of work must not end there.
+/// [`Error::File`] when the target cannot be written or replaced without loss: hours of work must not end there.
 pub(super) fn check_target(out: &Path) -> Result<Option<Room>> {
     let refuse = |problem: &str| Err(Error::content(out, "--out", problem));
     workplace::clear_up(out);
@@ -34,7 +34,7 @@ pub(super) fn check_target(out: &Path) -> Result<Option<Room>> {
         return refuse("is a file; name a directory for the room");
     }
     check_creatable(out)?;
-    let whole = out.canonicalize().map_err(|source| Error::Io { path: out.to_owned(), source })?;
+    let whole = out.canonicalize().map_err(Error::io(out))?;
     if std::env::current_dir().is_ok_and(|here| here.starts_with(&whole)) {
         return refuse(
             "is where this program was started, and would be replaced under it; start it from elsewhere or name a new directory",
@@ -43,7 +43,7 @@ pub(super) fn check_target(out: &Path) -> Result<Option<Room>> {
     if is_mount_point(&whole) {
         return refuse("is a mount point, which cannot be replaced; name a directory in it");
     }
-    let mut entries = fs::read_dir(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
+    let mut entries = fs::read_dir(out).map_err(Error::io(out))?;
     if entries.next().is_none() {
         return Ok(None);
     }
@@ -70,7 +70,7 @@ pub(super) fn aside(out: &Path) -> PathBuf {
 
 /// Checks that a directory can be made beside the target.
 fn check_creatable(out: &Path) -> Result<()> {
-    let absolute = std::path::absolute(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
+    let absolute = std::path::absolute(out).map_err(Error::io(out))?;
     let above = absolute.ancestors().skip(1).find(|folder| folder.exists()).unwrap_or(Path::new("/"));
     tempfile::tempdir_in(above).map(drop).map_err(|source| {
         let problem = format!("no directory can be made in {} ({source})", above.display());
@@ -85,13 +85,9 @@ pub(super) fn write(
     references: &[(&str, &RgbImage)],
     more: &mut dyn FnMut(&Path, &Room) -> Result<()>,
 ) -> Result<()> {
-    let io = |path: &Path| {
-        let path = path.to_owned();
-        move |source| Error::Io { path, source }
-    };
-    let out = &std::path::absolute(out).map_err(io(out))?;
+    let out = &std::path::absolute(out).map_err(Error::io(out))?;
     let parent = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    fs::create_dir_all(parent).map_err(io(parent))?;
+    fs::create_dir_all(parent).map_err(Error::io(parent))?;
     let beside = Workplace::new(parent, out)?;
     let fresh = beside.fresh();
     for (camera, (name, image)) in room.cameras.iter_mut().zip(references) {
@@ -102,10 +98,10 @@ pub(super) fn write(
     room.write(&fresh)?;
     more(&fresh, room)?;
     if !out.exists() {
-        return fs::rename(&fresh, out).and_then(|()| sync_folder(parent)).map_err(io(out));
+        return fs::rename(&fresh, out).and_then(|()| sync_folder(parent)).map_err(Error::io(out));
     }
-    let before = exchange(&fresh, out, &beside.before()).map_err(io(out))?;
-    sync_folder(parent).map_err(io(parent))?;
+    let before = exchange(&fresh, out, &beside.before()).map_err(Error::io(out))?;
+    sync_folder(parent).map_err(Error::io(parent))?;
     if let Err(source) = take_over_foreign(&before, out) {
         // The old room stays in place, so that no foreign file is lost.
         let cache = beside.keep();

@@ -10,7 +10,7 @@ use crate::{Error, Result};
 /// Takes the program's proposals as the project's points; returns their number.
 ///
 /// # Errors
-/// [`Error::Content`] where not enough agree to join all cameras; [`Error::Calib`] when OpenCV refuses.
+/// [`Error::File`] where not enough agree to join all cameras; [`Error::Calib`] when OpenCV refuses.
 pub(super) fn take(
     project: &mut Project,
     surfaces: &[Surface],

@@ -47,7 +47,7 @@ struct Record {
 impl Workplace {
     /// Makes the folder in `parent` for the room `out`, with an empty directory for the fresh room.
     pub(super) fn new(parent: &Path, out: &Path) -> Result<Self> {
-        let io = |source| Error::Io { path: parent.to_owned(), source };
+        let io = Error::io(parent);
         let folder = tempfile::Builder::new().prefix(PREFIX).tempdir_in(parent).map_err(io)?;
         let lock = FolderLock::take(folder.path(), "recon build").map_err(|e| io(io::Error::other(e)))?;
         let fresh = folder.path().join(FRESH);

@@ -66,7 +66,7 @@ fn picked_of(path: &Path, text: &str) -> Result<Picked> {
 /// Writes what is picked into the project file that was read at `version`; returns what it has from now on.
 ///
 /// # Errors
-/// [`Error::Changed`] when the file has been changed since; [`Error::Content`] for picks that no project may have;
+/// [`Error::Changed`] when the file has been changed since; [`Error::File`] for picks that no project may have;
 /// [`Error::Calib`] for a file that cannot be read or written.
 pub fn save_picked(
     path: &Path,

@@ -9,7 +9,7 @@ impl Project {
     /// Checks every pixel against the image sizes, once the captures are read.
     ///
     /// # Errors
-    /// [`Error::Content`] naming the first pixel that lies outside.
+    /// [`Error::File`] naming the first pixel that lies outside.
     pub fn check_pixels(&self, sizes: &[(u32, u32)]) -> Result<()> {
         let scale = match &self.scale {
             Scale::Distance { camera, from, to, .. } => {

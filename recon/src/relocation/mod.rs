@@ -121,7 +121,7 @@ fn file_content(file: &Path, picture: &RgbImage) -> Result<(Vec<u8>, &'static st
         && file.is_file()
         && picture::is_upright(file)?
     {
-        let bytes = std::fs::read(file).map_err(|source| Error::Io { path: file.to_owned(), source })?;
+        let bytes = std::fs::read(file).map_err(Error::io(file))?;
         return Ok((bytes, ending));
     }
     Ok((picture::encode(Path::new("reference.png"), picture)?, "png"))

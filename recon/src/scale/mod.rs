@@ -2,6 +2,7 @@
 
 pub mod board;
 
+use board::Square;
 use nalgebra::{Point2, Point3};
 
 use crate::floor::Plane;
@@ -10,7 +11,6 @@ use crate::project::{Project, Scale};
 use crate::ray_depth::MeasuredPixel;
 use crate::surface::Surface;
 use crate::{Error, Result};
-use board::Square;
 
 /// Metres in a unit of the common frame.
 ///
@@ -19,7 +19,7 @@ use board::Square;
 /// floor in the common frame, for a known height.
 ///
 /// # Errors
-/// [`Error::Content`] naming the pixel without a depth, or the board that was not measured.
+/// [`Error::File`] naming the pixel without a depth, or the board that was not measured.
 pub fn metres_per_unit(
     project: &Project,
     surfaces: &[Surface],

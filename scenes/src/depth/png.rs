@@ -4,6 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
+use shell::files::FileError;
 
 use super::DepthMap;
 use crate::{Error, Result};
@@ -28,11 +29,11 @@ pub fn write(path: &Path, map: &DepthMap) -> Result<()> {
 /// Reads a depth map written by [`write()`].
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Content`] when it is no 16-bit grey PNG.
+/// [`Error::File`] when it is no 16-bit grey PNG.
 pub fn read(path: &Path) -> Result<DepthMap> {
-    let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let decoded = calib::picture::decode(path, &bytes).map_err(|e| match e {
-        calib::Error::Content { problem, .. } => {
+        calib::Error::File(FileError::Content { problem, .. }) => {
             Error::content(path, "image", format!("this is no PNG that can be read: {problem}"))
         }
         other => other.into(),

@@ -64,9 +64,9 @@ struct Row {
 /// Reads known points: a header `x,y,z,room_x,room_y,room_z` (`name` may follow) and a line a point.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Content`] naming the point and its problem.
+/// [`Error::File`] naming the point and its problem.
 pub fn read_points(path: &Path) -> Result<Vec<KnownPoint>> {
-    let file = std::fs::File::open(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    let file = std::fs::File::open(path).map_err(Error::io(path))?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     let mut points = Vec::new();
     for (row, number) in reader.deserialize::<Row>().zip(1..) {

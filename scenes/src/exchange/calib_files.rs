@@ -20,7 +20,7 @@ struct PoseInput {
 /// Camera with a lens and a pose, world to camera in metres.
 ///
 /// # Errors
-/// [`Error::Calib`] when a file cannot be read or parsed, [`Error::Content`] when it holds no camera or no pose.
+/// [`Error::Calib`] when a file cannot be read or parsed, [`Error::File`] when it holds no camera or no pose.
 pub fn camera(name: &str, lens: &Path, pose: &Path) -> Result<RoomCamera> {
     let intrinsics = read_intrinsics(lens)?;
     let PoseInput { rotation, translation } = read_toml(pose)?;

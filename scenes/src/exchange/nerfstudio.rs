@@ -10,6 +10,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use calib::Camera;
+use lens::LensInput;
 use nalgebra::{Isometry3, Matrix3, Similarity3, Translation3, Vector3};
 use serde::Deserialize;
 use serde_json::{Map, Value as Json};
@@ -18,7 +19,6 @@ use super::selection::{Chosen, NamedAfter, camera_names};
 use super::{Model, ModelGeometry, ModelOptions, PicturedCamera, placement};
 use crate::room::RoomCamera;
 use crate::{Error, Result};
-use lens::LensInput;
 
 pub use write::write;
 
@@ -116,7 +116,7 @@ impl TransformsInput {
 /// Reads a `transforms.json`: its cameras, named after their pictures, and the geometry that it names.
 ///
 /// # Errors
-/// [`Error::Calib`] when the file cannot be read, [`Error::Content`] naming the frame and its problem.
+/// [`Error::Calib`] when the file cannot be read, [`Error::File`] naming the frame and its problem.
 pub fn read(path: &Path, options: &ModelOptions) -> Result<Model> {
     let text = calib::files::read_text(path)?;
     let input: TransformsInput = serde_json::from_str(&text).map_err(|e| {

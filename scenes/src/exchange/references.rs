@@ -21,7 +21,7 @@ pub struct Reference {
 /// none, which is worth a warning.
 ///
 /// # Errors
-/// [`Error::Content`] when not one picture is there, [`Error::Calib`] when one is no picture.
+/// [`Error::File`] when not one picture is there, [`Error::Calib`] when one is no picture.
 pub fn find(folder: &Path, cameras: &mut [PicturedCamera]) -> Result<Vec<Reference>> {
     let pictures = Pictures { folders: vec![folder.to_owned()] };
     let mut references = Vec::new();
@@ -63,10 +63,10 @@ pub fn find(folder: &Path, cameras: &mut [PicturedCamera]) -> Result<Vec<Referen
 /// Copies reference images into a room directory, each in one step.
 ///
 /// # Errors
-/// [`Error::Io`] or [`Error::Calib`], naming the file.
+/// [`Error::File`] or [`Error::Calib`], naming the file.
 pub fn copy(references: &[Reference], dir: &Path) -> Result<()> {
     for Reference { picture, place } in references {
-        let bytes = std::fs::read(picture).map_err(|source| Error::Io { path: picture.clone(), source })?;
+        let bytes = std::fs::read(picture).map_err(Error::io(picture))?;
         calib::files::write_atomic(&dir.join(place), &bytes)?;
     }
     Ok(())

@@ -29,7 +29,7 @@ impl Selection {
     /// The chosen ones of a model's `pictures`, whose cameras are called `names` by default.
     ///
     /// # Errors
-    /// [`Error::Content`] for an entry that fits none of the pictures, or several of them, and for a picture that is
+    /// [`Error::File`] for an entry that fits none of the pictures, or several of them, and for a picture that is
     /// chosen twice.
     pub(super) fn choose(&self, file: &Path, pictures: &[String], names: Vec<String>) -> Result<Vec<Chosen>> {
         if self.entries.is_empty() {

@@ -33,7 +33,7 @@ const EXTENSIONS: [(&str, Format); 6] = [
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
-        let io = |source| Error::Io { path: path.to_owned(), source };
+        let io = Error::io(path);
         let mut begin = Vec::new();
         std::fs::File::open(path).map_err(io)?.take(4).read_to_end(&mut begin).map_err(io)?;
         let by_magic = MAGICS.iter().find(|(magic, _)| begin.starts_with(magic)).map(|(_, format)| *format);
@@ -60,9 +60,9 @@ pub fn z_up_from_file(path: &Path) -> Similarity3<f64> {
 /// Reads geometry from a file, and places it in the room.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Content`] naming the place in the file and its problem.
+/// [`Error::File`] naming the place in the file and its problem.
 pub fn read(path: &Path, placing: &Placing<'_>) -> Result<Geometry> {
-    let bytes = || std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source });
+    let bytes = || std::fs::read(path).map_err(Error::io(path));
     let wrong = |(place, problem): Defect| Error::content(path, place, problem);
     let scan = match Format::of(path)? {
         Format::Ply => ply::scan(&bytes()?),

@@ -17,7 +17,7 @@ impl Room {
     /// A missing reference image is only worth a warning: nothing but previews needs it.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Content`] or [`Error::Calib`], naming the file, the place in it and the problem.
+    /// [`Error::File`], [`Error::File`] or [`Error::Calib`], naming the file, the place in it and the problem.
     pub fn read(dir: &Path) -> Result<Self> {
         let path = scene_file_in(dir)?;
         let (mut room, geometry) = room_without_geometry(&path, &read_text(&path)?)?;
@@ -75,7 +75,7 @@ pub fn files_of(dir: &Path) -> Vec<PathBuf> {
 /// Room of a scene file's text without its geometry, whose file is named beside it. The room is not checked yet.
 ///
 /// # Errors
-/// [`Error::Content`] or [`Error::Calib`], naming the file, the place in it and the problem.
+/// [`Error::File`] or [`Error::Calib`], naming the file, the place in it and the problem.
 pub(super) fn room_without_geometry(path: &Path, text: &str) -> Result<(Room, Option<PathBuf>)> {
     if text.trim().is_empty() {
         return Err(Error::content(path, "whole file", "the file is empty; write the room again"));
@@ -137,7 +137,7 @@ pub struct Markings {
 /// `scene.toml` will do.
 ///
 /// # Errors
-/// [`Error::Calib`] when it cannot be read or parsed, [`Error::Content`] when it holds no zone, or one without area, or a
+/// [`Error::Calib`] when it cannot be read or parsed, [`Error::File`] when it holds no zone, or one without area, or a
 /// region or line that no room may have.
 pub fn read_markings(file: &Path) -> Result<Markings> {
     let markings: Markings = read_toml(file)?;

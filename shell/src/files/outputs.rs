@@ -59,6 +59,17 @@ impl<'a> Outputs<'a> {
     }
 }
 
+/// Refuses an output that is, or holds, one of these inputs.
+///
+/// # Errors
+/// [`OutputError`] with the output and the mend.
+pub fn refuse_inputs<P: AsRef<Path>>(
+    output: &Path,
+    inputs: impl IntoIterator<Item = P>,
+) -> Result<(), OutputError> {
+    Outputs::new([output]).refuse(inputs)
+}
+
 /// The path without links and detours. What does not exist yet is appended to the real path of the folder above it.
 fn real_path(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());

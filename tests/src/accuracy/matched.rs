@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use mot::jsonl::{self, PersonLine};
 use nalgebra::Point2;
-use tracker::tracks::jsonl::{self, PersonLine};
 
 use crate::chain::StepResult;
 

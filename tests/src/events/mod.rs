@@ -10,9 +10,9 @@ pub mod places;
 pub mod score;
 pub mod truth;
 
+use mot::rows::RowFile;
 use nalgebra::Point2;
 use synthetic::{SyntheticRoom, Walker};
-use tracker::tracks::rows::RowFile;
 
 /// A person's true path while they are in the room.
 #[derive(Debug, Clone, PartialEq)]

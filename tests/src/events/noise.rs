@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use mot::jsonl::{FrameLine, PersonLine};
 use nalgebra::{Point2, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use tracker::TrackId;
-use tracker::tracks::jsonl::{FrameLine, PersonLine};
 
 use super::TruePath;
 

@@ -10,6 +10,7 @@ mod clocks;
 mod events;
 mod failing_cameras;
 mod folder;
+mod front_door;
 mod guide;
 mod kept_files;
 mod link_refusals;

@@ -5,6 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use calib::{Camera, Intrinsics};
+use mot::jsonl::FrameLine;
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 use scenes::polygon::Polygon;
@@ -16,7 +17,7 @@ use tests::live::run::{LiveRun, free_address};
 use tracker::events::{EventOptions, Events, Tally};
 use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::publish::mqtt::{BrokerTls, Credentials, MqttOptions, MqttOutput, PublishOptions};
-use tracker::tracks::jsonl::{FrameLine, PersonLine};
+use tracker::tracks::person_line;
 use tracker::{PersonEstimate, TrackId};
 
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -75,7 +76,7 @@ fn expected(room: &Room, frames: u32) -> (Vec<String>, Tally) {
     let mut events = Vec::new();
     for frame in 1..=frames {
         let time = (f64::from(frame) * STEP_S * 1e6).round() / 1e6;
-        let people = people(frame).iter().map(|p| PersonLine::new(p, &["cam".into()])).collect();
+        let people = people(frame).iter().map(|p| person_line(p, &["cam".into()])).collect();
         let line =
             FrameLine { frame, time, people, count: vec![], set_aside: vec![], states: vec![], clock: None };
         events.extend(detector.step(&line));

@@ -7,12 +7,12 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use image::{Rgb, RgbImage};
+use mot::{jsonl, rows::RowFile};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::exchange::ModelOptions;
 use scenes::geometry::scan::Placing;
 use tracker::source::{DetectorBoxes, Times};
-use tracker::tracks::{jsonl, rows::RowFile};
 
 /// Changes of each file, without `FUZZ_ROUNDS` in the environment.
 const ROUNDS: u32 = 150;

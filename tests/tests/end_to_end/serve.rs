@@ -8,9 +8,9 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use mot::jsonl::{self, FrameLine};
 use tests::data::{office, program};
 use tests::live::run::free_address;
-use tracker::tracks::jsonl::{self, FrameLine};
 
 use crate::folder::Folder;
 use crate::refusal::refused;

@@ -13,7 +13,6 @@ use scenes::room::Room;
 use shell::console::Progress;
 use shell::ranges::TIME_S;
 
-use super::outputs;
 use super::publish::{PublishArguments, Published};
 use super::sampler::SamplerArguments;
 use crate::foreground::Verdict;
@@ -112,7 +111,7 @@ impl AgentStationArguments {
         (interrupted, progress): (&Arc<AtomicBool>, Progress),
     ) -> anyhow::Result<()> {
         let Some(out) = self.out.clone() else { bail!("--method agents: give --out DIR for its tracks") };
-        let _lock = outputs::lock(&out)?;
+        let _lock = shell::files::lock(&out)?;
         let camera = prepared.camera_index(&station.name).context("the room has no such camera")?;
         let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
         self.publish.check()?;

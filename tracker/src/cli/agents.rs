@@ -95,7 +95,7 @@ pub(super) fn agents(args: &AgentsArgs, console: &Console) -> anyhow::Result<Str
 fn simulate(args: &SimulateArgs, console: &Console) -> anyhow::Result<String> {
     let all = args.options()?;
     let trials = args.trials(&all[0]);
-    let _lock = super::outputs::lock(&args.out)?;
+    let _lock = shell::files::lock(&args.out)?;
     let progress = Mutex::new(console.progress("simulating", Some(2 * (trials * all.len()) as u64)));
     let step = || progress.lock().unwrap_or_else(PoisonError::into_inner).advance();
     let mut comparisons = Vec::new();

@@ -10,7 +10,8 @@ use clap::Args;
 use image::RgbImage;
 use shell::ranges::INTERVAL_S;
 
-use super::outputs::paths_of;
+use shell::files::paths_of;
+
 use crate::Error;
 use crate::doctor::pose_watch::pictures_before_turn;
 use crate::foreground::backdrop::Backdrop;

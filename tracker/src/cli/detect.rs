@@ -6,13 +6,13 @@ use anyhow::{Context, bail};
 use calib::video::FrameSource;
 use clap::{Args, Subcommand};
 use image::RgbImage;
+use mot::rows::RowFile;
 use shell::console::Console;
+use shell::files::{paths_of, refuse_inputs};
 use shell::ranges::{SOME_FRAMES, THREADS};
 
-use super::outputs;
 use crate::detect::train::{self, Labelled, TrainOptions};
 use crate::detect::{self, DetectOptions, Detector};
-use crate::tracks::rows::RowFile;
 
 /// Detect people in a video, for `tracker link`.
 ///
@@ -132,8 +132,8 @@ pub(crate) fn detect(args: &DetectArgs, console: &Console) -> anyhow::Result<Str
     }
     let options = args.look.options()?;
     let (Some(video), Some(out)) = (&args.video, &args.out) else { bail!("give a video and --out FILE") };
-    let inputs = outputs::paths_of(video).into_iter().chain(args.model.clone());
-    outputs::refuse_inputs(out, inputs)?;
+    let inputs = paths_of(video).into_iter().chain(args.model.clone());
+    refuse_inputs(out, inputs)?;
     let detector = match &args.model {
         Some(path) => Detector::read(path, options)?,
         None => Detector::general(options)?,
@@ -156,9 +156,8 @@ pub(crate) fn detect(args: &DetectArgs, console: &Console) -> anyhow::Result<Str
 
 fn train(args: &TrainArgs, console: &Console) -> anyhow::Result<String> {
     let detect = args.look.options()?;
-    let videos =
-        std::iter::once(&args.video).chain(&args.background).flat_map(|spec| outputs::paths_of(spec));
-    outputs::refuse_inputs(&args.out, videos.chain([args.boxes.clone()]))?;
+    let videos = std::iter::once(&args.video).chain(&args.background).flat_map(|spec| paths_of(spec));
+    refuse_inputs(&args.out, videos.chain([args.boxes.clone()]))?;
     let labelled = labelled(args)?;
     let mut empty = Vec::new();
     if let Some(video) = &args.background {

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
+use shell::files::OutputLock;
+
 use super::event_arguments::CountArguments;
-use super::outputs::OutputLock;
 use crate::events::{self, stats::DayStats};
 
 /// Write what happened in a finished run, after zones, regions or lines were changed, too.

@@ -10,8 +10,10 @@ use image::{GrayImage, RgbImage};
 use shell::console::Console;
 use shell::ranges::RATE_HZ;
 
+use shell::files::{OutputLock, refuse_inputs};
+
 use super::background::BackgroundArguments;
-use super::outputs::{self, OutputLock};
+use super::outputs;
 use crate::foreground::{Foreground, Verdict};
 use crate::source::{CaptureTimes, NamedSource, Times, VideoSource};
 
@@ -50,7 +52,7 @@ pub(crate) fn masks(args: &MasksArgs, console: &Console) -> anyhow::Result<Strin
         .into_iter()
         .chain(args.times.clone())
         .chain(args.background.paths());
-    outputs::refuse_inputs(&args.out, inputs)?;
+    refuse_inputs(&args.out, inputs)?;
     let mut lock = OutputLock::if_present(&args.out)?;
     for named in &args.video {
         args.one(named, &mut lock, console)?;

@@ -8,10 +8,8 @@ mod agents;
 mod background;
 mod check;
 mod clocks;
-mod colours;
 mod detect;
 mod endpoints;
-mod eval;
 mod event_arguments;
 mod events;
 mod export;
@@ -19,7 +17,7 @@ mod flags;
 mod heads;
 mod input;
 mod interrupt;
-mod link;
+mod link_colours;
 mod masks;
 mod outputs;
 mod publish;
@@ -64,9 +62,9 @@ enum Command {
     Station(Box<station::StationArgs>),
     Watch(watch::WatchArgs),
     Detect(Box<detect::DetectArgs>),
-    Link(Box<link::LinkArgs>),
+    Link(Box<mot::cli::link::LinkArgs>),
     Agents(agents::AgentsArgs),
-    Eval(eval::EvalArgs),
+    Eval(mot::cli::eval::EvalArgs),
     Events(events::EventsArgs),
     Stats(stats::StatsArgs),
     Masks(masks::MasksArgs),
@@ -116,9 +114,9 @@ fn command(arguments: &Arguments, console: &Console) -> anyhow::Result<Printed> 
         Command::Station(args) => station::station(args, console),
         Command::Watch(args) => watch::watch(args),
         Command::Detect(args) => detect::detect(args, console),
-        Command::Link(args) => link::link(args, console),
+        Command::Link(args) => mot::cli::link::link(args, Some(link_colours::look_at_video), console),
         Command::Agents(args) => agents::agents(args, console),
-        Command::Eval(args) => eval::eval(args),
+        Command::Eval(args) => mot::cli::eval::eval(args),
         Command::Events(args) => events::events(args),
         Command::Stats(args) => stats::stats(args),
         Command::Masks(args) => masks::masks(args, console),

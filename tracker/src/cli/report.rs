@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use scenes::room;
 
-use super::outputs;
+use shell::files::refuse_inputs;
+
 use crate::report::{self, ReportOptions, ReportSources};
 use crate::tracks::files_of_run;
 
@@ -42,7 +43,7 @@ pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<String> {
     };
     let rooms = std::iter::once(&args.room).chain(&args.truth_room).flat_map(|dir| room::files_of(dir));
     let inputs = files_of_run(&args.run).into_iter().chain(rooms).chain(args.truth.clone());
-    outputs::refuse_inputs(&args.out, inputs)?;
+    refuse_inputs(&args.out, inputs)?;
     report::write(&sources, &args.out, &ReportOptions::default())?;
     Ok(format!("{}\n", args.out.display()))
 }

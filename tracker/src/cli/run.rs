@@ -9,9 +9,10 @@ use anyhow::{Context, bail};
 use scenes::room::Room;
 use shell::console::Console;
 
+use shell::files::{OutputLock, refuse_inputs};
+
 use super::input::{RunSources, Started};
 use super::interrupt;
-use super::outputs::{self, OutputLock};
 use super::run_arguments::{MethodName, RunArgs};
 use super::serve::{RoomService, room_outputs};
 use super::stations::{Drawing, StationBuilder};
@@ -40,7 +41,7 @@ pub(super) fn run_as(
 ) -> anyhow::Result<String> {
     // Invalid options are reported before anything is read.
     check(args)?;
-    outputs::refuse_inputs(&args.out, args.inputs())?;
+    refuse_inputs(&args.out, args.inputs())?;
     // A service's room locks its folder by itself.
     let lock = if service.is_none() { Some(OutputLock::if_present(&args.out)?) } else { None };
     let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
@@ -237,7 +238,7 @@ fn outputs(
 
 /// Links the tracks of the finished run. Its events are written again: those of the run have the ids before linking.
 fn smooth(args: &RunArgs, room: &Room, rate_hz: f64) -> anyhow::Result<()> {
-    let mended = crate::link::mend_run(&args.out, rate_hz)?;
+    let mended = mot::link::mend_run(&args.out, rate_hz)?;
     tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
     if args.events.are_on(room) {
         events::of_run(&args.out, &args.room, &args.events.options())?;

@@ -9,12 +9,14 @@ use clap::{Args, ValueEnum};
 use scenes::room::{self, Room};
 use shell::console::Console;
 
+use shell::files::{paths_of, refuse_inputs};
+
 use super::agent_station::{AgentStationArguments, StationRoom};
 use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
+use super::interrupt;
 use super::stations::{Drawing, StationBuilder};
-use super::{interrupt, outputs};
 use crate::film::FilmOptions;
 use crate::method::Needs;
 use crate::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
@@ -99,9 +101,9 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         args.agents.check_unused()?;
     }
     if let Some(out) = args.agents.out() {
-        let sources = args.video.iter().chain(&args.masks).flat_map(|spec| outputs::paths_of(spec));
+        let sources = args.video.iter().chain(&args.masks).flat_map(|spec| paths_of(spec));
         let inputs = sources.chain(args.clocks.paths()).chain(args.background.paths());
-        outputs::refuse_inputs(out, inputs.chain(room::files_of(&args.room)))?;
+        refuse_inputs(out, inputs.chain(room::files_of(&args.room)))?;
     }
     let room = Room::read(&args.room)?;
     let named = |spec: &Option<String>| -> Vec<NamedSource> {

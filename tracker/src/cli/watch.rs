@@ -11,8 +11,10 @@ use clap::Args;
 use scenes::room::{self, Room};
 use shell::ranges::INTERVAL_S;
 
+use shell::files::refuse_inputs;
+
 use super::endpoints::EndpointArguments;
-use super::{interrupt, outputs};
+use super::interrupt;
 use crate::method::agents::{AgencyRecord, Overview, Packet, StationId};
 use crate::tracks::AgentsFile;
 use crate::wire::mesh::{Membership, OwnClock};
@@ -55,7 +57,7 @@ pub(crate) struct WatchArgs {
 pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
     let endpoints = args.endpoints.endpoints(&args.connect)?;
     if let Some((out, room)) = args.out.as_deref().zip(args.room.as_deref()) {
-        outputs::refuse_inputs(out, room::files_of(room))?;
+        refuse_inputs(out, room::files_of(room))?;
     }
     let room = args.room.as_deref().map(Room::read).transpose()?;
     let cameras: Vec<String> =
@@ -67,7 +69,7 @@ pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
         hears: Vec::new(),
         clock: OwnClock::default(),
     };
-    let _lock = args.out.as_deref().map(outputs::lock).transpose()?;
+    let _lock = args.out.as_deref().map(shell::files::lock).transpose()?;
     let interrupted = interrupt::watch().context("the signals that end this program")?;
     let mesh = Mesh::open(&membership, &endpoints)?;
     let mut watch = WatchState {

@@ -8,6 +8,8 @@ use image::RgbImage;
 use scenes::room::{self, Room};
 use shell::ranges::{BODY_M, FRAME_NUMBER};
 
+use shell::files::refuse_inputs;
+
 use super::background::BackgroundArguments;
 use super::heads::HeadArguments;
 use super::outputs;
@@ -54,7 +56,7 @@ pub(crate) struct WeightMapArgs {
 /// Runs the subcommand.
 pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let inputs = outputs::paths_of_all(&args.video).into_iter().chain(args.background.paths());
-    outputs::refuse_inputs(&args.out, inputs.chain(room::files_of(&args.room)))?;
+    refuse_inputs(&args.out, inputs.chain(room::files_of(&args.room)))?;
     let options = args.heads.options(1, args.published)?;
     let needs_empty = options.edges.moving_only;
     let room = Room::read(&args.room)?;
@@ -96,7 +98,7 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
         None => Integration::ALL.to_vec(),
     };
     let maps = method.weight_maps(&moment, &chosen, args.height)?;
-    let _lock = outputs::lock(&args.out)?;
+    let _lock = shell::files::lock(&args.out)?;
     for map in maps {
         let path = args.out.join(format!("{}.png", map.integration));
         calib::picture::write(&path, &map.picture(&prepared))?;

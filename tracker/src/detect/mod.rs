@@ -1,5 +1,5 @@
 //! Detection of people in the pictures of one camera: HOG features and a linear classifier, as in section 3 of Okada et
-//! al. (cited in [`crate::link`]); HOG: N. Dalal and B. Triggs, "Histograms of oriented gradients for human detection",
+//! al. (cited in [`mot::link`]); HOG: N. Dalal and B. Triggs, "Histograms of oriented gradients for human detection",
 //! CVPR 2005.
 //!
 //! * [`Detector`] — boxes with a score in one picture; [`Detector::read`] loads a camera's own weights;
@@ -16,10 +16,10 @@ use std::fmt::Write;
 
 use calib::vision::people::{DetectionWindow, PERSON_HEIGHT_PX, PeopleClassifier, WINDOW_PX};
 use image::RgbImage;
+use mot::rows::PixelBox;
+use shell::options::{check_numbers, check_ranges};
 use shell::ranges::{COST, SIDE_PX};
 
-use crate::option_checks::{check_numbers, check_ranges};
-use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
 /// Ratio of a box's width to its height, for walking people with arms and legs.

@@ -4,12 +4,12 @@
 use calib::vision::PeopleClassifier;
 use calib::vision::people::DetectionWindow;
 use image::RgbImage;
+use mot::rows::PixelBox;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::svm::{self, SvmOptions, TrainingSample};
 use super::{DetectOptions, Detector, window_of};
-use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
 pub use super::model::write;

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use mot::jsonl::FrameLine;
+
 use super::CameraState;
-use crate::tracks::jsonl::FrameLine;
 
 /// States of all cameras that ever had a fault.
 #[derive(Debug, Clone, Default)]

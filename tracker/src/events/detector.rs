@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use mot::jsonl::{FrameLine, PersonLine, rounded};
 use nalgebra::{Point2, Vector2};
 use scenes::room::{Line, Room, Zone, ZoneKind};
 
@@ -10,7 +11,6 @@ use super::cameras::Cameras;
 use super::passing::{Crossed, Crossings, Decision, Fix, Stay};
 use super::{Clock, Direction, Event, EventKind, EventOptions};
 use crate::TrackId;
-use crate::tracks::jsonl::{FrameLine, PersonLine, rounded};
 
 /// Detector of a run's events: a pure state machine over the lines of `tracks.jsonl`.
 ///

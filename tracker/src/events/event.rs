@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use mot::CameraState;
 use serde::{Deserialize, Serialize};
 
-use crate::foreground::Verdict;
 use crate::{Error, Result, TrackId};
 
 /// Something that happened: a line of `events.jsonl`.
@@ -85,22 +85,6 @@ pub enum Direction {
     Out,
 }
 
-/// State of a camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum CameraState {
-    /// It sends no pictures.
-    Lost,
-    /// It repeats the same picture.
-    Frozen,
-    /// Its picture is dark.
-    Dark,
-    /// It stands elsewhere than the room has it; or nearly its whole picture changed at once, as by switched lights.
-    Moved,
-    /// It can be used again.
-    Back,
-}
-
 impl Event {
     /// The event that takes this one back: the same fields.
     #[must_use]
@@ -117,26 +101,12 @@ impl Event {
     /// The event's line, with a line break; `path` is for messages.
     ///
     /// # Errors
-    /// [`Error::Content`] when it cannot be serialised.
+    /// [`Error::File`] when it cannot be serialised.
     pub fn text(&self, path: &Path) -> Result<String> {
         let json = serde_json::to_string(self).map_err(|e| {
             Error::content(path, format!("frame {}", self.frame), format!("cannot be written ({e})"))
         })?;
         Ok(json + "\n")
-    }
-}
-
-impl CameraState {
-    /// State of a camera with a verdict about its pictures; `None` for one that only learns its background.
-    pub fn of(verdict: Verdict) -> Option<Self> {
-        match verdict {
-            Verdict::Usable | Verdict::Between => Some(Self::Back),
-            Verdict::Frozen => Some(Self::Frozen),
-            Verdict::Dark => Some(Self::Dark),
-            Verdict::AllForeground | Verdict::Moved => Some(Self::Moved),
-            Verdict::Lost | Verdict::Silent | Verdict::OtherShape => Some(Self::Lost),
-            Verdict::Learning => None,
-        }
     }
 }
 

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use mot::jsonl::FrameLine;
+
 use super::files::EVENTS;
 use super::stats::DayStats;
 use super::tests::{line, room, walk};
 use super::*;
-use crate::tracks::jsonl::FrameLine;
 
 /// A minute in which person 7 walks from the door to the gate, back to the counter, and stays.
 fn minute() -> Vec<FrameLine> {

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use calib::files::write_atomic;
+use mot::jsonl::{self, FrameLine};
 use scenes::room::Room;
+use shell::options::check_numbers;
 use shell::ranges::SECONDS;
 
 use super::groups::{self, Groups};
@@ -11,8 +13,6 @@ use super::heat::HeatMap;
 use super::open_visits::{OpenVisits, last_row};
 use super::tally::CountRows;
 use super::{Event, EventOptions, Events};
-use crate::option_checks::check_numbers;
-use crate::tracks::jsonl::{self, FrameLine};
 use crate::tracks::{LineFile, Persistence};
 use crate::{Error, Result};
 
@@ -46,11 +46,11 @@ impl EventFileOptions {
     /// # Errors
     /// [`Error::Option`] that names the field.
     pub fn validate(&self) -> Result<()> {
-        check_numbers(
+        Ok(check_numbers(
             [("counts_every_s", self.counts_every_s)],
             |seconds| (0.1..=SECONDS.most).contains(&seconds),
             &format!("at least 0.1 seconds, and at most {}", SECONDS.most),
-        )
+        )?)
     }
 }
 
@@ -280,7 +280,7 @@ pub(crate) fn derive(out: &Path, folder: &Path, room_dir: &Path, options: &Event
 }
 
 fn write_files(
-    lines: impl Iterator<Item = Result<FrameLine>>,
+    lines: impl Iterator<Item = mot::Result<FrameLine>>,
     folder: &Path,
     room: &Room,
     room_dir: &Path,

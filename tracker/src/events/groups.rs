@@ -7,10 +7,10 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use mot::jsonl::{FrameLine, PersonLine};
 use nalgebra::Vector2;
 
 use crate::TrackId;
-use crate::tracks::jsonl::{FrameLine, PersonLine};
 
 /// Least speed of walking, m/s.
 const WALKING_M_S: f64 = 0.4;

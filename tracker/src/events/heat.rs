@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use image::RgbImage;
+use mot::jsonl::FrameLine;
 use nalgebra::{Point2, Vector2};
 use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::polygon::Polygon;
@@ -13,7 +14,6 @@ use shell::canvas::{Color, TextStyle};
 
 use crate::Result;
 use crate::plan::beyond_the_room;
-use crate::tracks::jsonl::FrameLine;
 
 /// Side of a cell, metres.
 const CELL_M: f64 = 0.25;

@@ -29,10 +29,11 @@ mod words;
 pub use clock::Clock;
 pub(crate) use clock::{civil_from_days, days_from_civil};
 pub use detector::Events;
-pub use event::{CameraState, Direction, Event, EventKind};
+pub use event::{Direction, Event, EventKind};
 pub use files::{EventFileOptions, EventFiles, of_run};
 pub(crate) use files::{HEAT_PICTURE, are_in, derive, remove};
 pub use groups::{Group, Groups};
+pub use mot::CameraState;
 pub use tally::{PlaceCount, Tally};
 pub(crate) use words::duration;
 

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use calib::files::write_atomic;
+use mot::jsonl::{self, FrameLine, rounded};
 
 use super::files::EVENTS;
 use super::{Event, EventKind};
-use crate::tracks::jsonl::{self, FrameLine, rounded};
 use crate::tracks::{LineFile, Persistence, last_line};
 use crate::{Result, TrackId};
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use mot::jsonl::{FrameLine, PersonLine};
 use nalgebra::Point2;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -12,7 +13,6 @@ use scenes::room::{Line, Region, Room, Zone, ZoneKind};
 
 use super::*;
 use crate::TrackId;
-use crate::tracks::jsonl::{FrameLine, PersonLine};
 
 /// Frames a second.
 const RATE: f64 = 10.0;

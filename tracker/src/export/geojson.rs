@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use mot::jsonl;
 use nalgebra::Point2;
 use scenes::polygon::Polygon;
 use scenes::room::{Geo, Room, SCENE_FILE, ZoneKind};
 use serde_json::{Value, json};
 
-use crate::tracks::jsonl;
 use crate::{Error, Result, TrackId};
 
 /// A track with a gap longer than this is written in parts, seconds.

@@ -1,5 +1,7 @@
 //! Usability of a camera's picture or mask in a moment.
 
+use mot::CameraState;
+
 /// Verdict on a camera's frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -26,6 +28,18 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// State of a camera with this verdict about its pictures; `None` for one that only learns its background.
+    pub fn camera_state(self) -> Option<CameraState> {
+        match self {
+            Self::Usable | Self::Between => Some(CameraState::Back),
+            Self::Frozen => Some(CameraState::Frozen),
+            Self::Dark => Some(CameraState::Dark),
+            Self::AllForeground | Self::Moved => Some(CameraState::Moved),
+            Self::Lost | Self::Silent | Self::OtherShape => Some(CameraState::Lost),
+            Self::Learning => None,
+        }
+    }
+
     /// Whether the camera has a fault now.
     pub fn is_set_aside(self) -> bool {
         !matches!(self, Self::Usable | Self::Between)

@@ -27,10 +27,10 @@ use live::LiveGathering;
 use recorded::RecordedGathering;
 
 use crate::foreground::Verdict;
-use crate::option_checks::check_ranges;
 use crate::silhouette::Body;
 use crate::station::{Event, ObservedFrame, Port};
 use crate::{Error, Result};
+use shell::options::check_ranges;
 
 /// Time difference within which a frame always belongs to a moment, even where the moments are closer together,
 /// seconds: a walking person moves 5 cm.

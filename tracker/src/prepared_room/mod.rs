@@ -21,9 +21,9 @@ use shell::ranges::SIDE_PX;
 
 pub use self::floor::Floor;
 use crate::observation::PersonBox;
-use crate::option_checks::check_ranges;
-use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
+use mot::rows::PixelBox;
+use shell::options::check_ranges;
 
 /// Options of [`PreparedRoom::prepare`].
 #[derive(Debug, Clone, PartialEq)]

@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use mot::jsonl::FrameLine;
+use mot::rows::{PixelBox, RowFile};
 use scenes::room::Room;
 
 use crate::silhouette::{Body, contour};
-use crate::tracks::jsonl::FrameLine;
-use crate::tracks::rows::{PixelBox, RowFile};
 use crate::{Error, Result};
 
 /// Largest difference of a box's edges, pixels: boxes are written from more decimals than the people's positions.

@@ -3,8 +3,9 @@
 //! Three kinds of moments alternate: a person partly hidden, a person wholly hidden yet still tracked, and many people
 //! at once. Moments of one camera keep a distance in time from each other.
 
+use mot::jsonl::FrameLine;
+
 use super::recording::{PersonVisibility, RunRecording};
-use crate::tracks::jsonl::FrameLine;
 
 /// Visible fraction below which a person counts as hidden.
 pub(super) const HIDDEN: f64 = 0.03;

@@ -3,13 +3,13 @@
 use std::fmt::Write;
 
 use image::RgbImage;
+use mot::jsonl::FrameLine;
 
 use super::markup::{data_url, escape};
 use super::moments::{self, HIDDEN};
 use super::recording::RunRecording;
 use super::time_axis::TimeAxis;
 use super::{ReportOptions, day, floor_plan, stills, tables, timeline};
-use crate::tracks::jsonl::FrameLine;
 use crate::{Result, TrackId};
 
 const STYLE: &str = include_str!("page.css");

@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use image::RgbImage;
+use mot::eval::{EvalOptions, Evaluation, align};
+use mot::jsonl::{self, FrameLine, PersonLine};
+use mot::rows::RowFile;
 use nalgebra::Point2;
 use scenes::room::Room;
 
 use super::{ReportSources, belonging};
-use crate::eval::{EvalOptions, Evaluation, align};
 use crate::events::stats::DayStats;
 use crate::events::{self, EventFileOptions};
 use crate::silhouette::{Body, contour};
 use crate::tracks::Timings;
-use crate::tracks::jsonl::{self, FrameLine, PersonLine};
-use crate::tracks::rows::RowFile;
 use crate::{Error, Result, TrackId};
 
 /// Trajectory of a person, metres on the floor.

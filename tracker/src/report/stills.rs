@@ -6,11 +6,11 @@ use std::sync::Arc;
 use calib::video::FrameSource;
 use image::RgbImage;
 use image::imageops::{self, FilterType};
+use mot::jsonl::{FrameLine, PersonLine};
 
 use super::recording::RunRecording;
 use crate::film::{FilmOptions, Painter, Shot};
 use crate::prepared_room::{PreparationOptions, PreparedRoom};
-use crate::tracks::jsonl::{FrameLine, PersonLine};
 use crate::{PersonEstimate, Result};
 
 /// One picture for each of `wanted` (increasing indices of frames), as far as the film reaches.

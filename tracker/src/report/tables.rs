@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
+use mot::eval::Evaluation;
+
 use super::markup::escape;
-use crate::eval::Evaluation;
 use crate::tracks::Timings;
 
 /// Table of all figures with their meaning.

@@ -2,13 +2,13 @@
 
 use std::fmt::Write;
 
+use mot::jsonl::FrameLine;
 use shell::canvas::Color;
 
 use super::markup::{css, escape, path};
 use super::recording::RunRecording;
 use super::time_axis::TimeAxis;
 use crate::TrackId;
-use crate::tracks::jsonl::FrameLine;
 
 /// Largest number of columns, which are the drawing's units: longer recordings are averaged, because a screen shows no
 /// more.

@@ -9,7 +9,7 @@ use crate::Moment;
 use crate::Result;
 use crate::events::{self, Clock, Event, EventFiles};
 use crate::prepared_room::PreparedRoom;
-use crate::tracks::jsonl::FrameLine;
+use crate::tracks::frame_line;
 
 /// Writer of the event files of a run.
 pub struct EventLog {
@@ -50,7 +50,7 @@ impl Output for EventLog {
     fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         let (set_aside, clock) = (followed.set_aside(), self.clock.as_ref());
-        let line = FrameLine::new(frame, time_s, followed.people, &self.cameras, &set_aside, clock);
+        let line = frame_line(frame, time_s, followed.people, &self.cameras, &set_aside, clock);
         let events = self.files.step(&line)?;
         self.tell(&events);
         Ok(())

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use mot::jsonl::{self, FrameLine};
 use scenes::polygon::Polygon;
 use scenes::room::{Region, Room};
 use scenes::walkable::WalkableMap;
@@ -12,7 +13,6 @@ use crate::events::{EventFileOptions, EventFiles};
 use crate::gathering::LeftOut;
 use crate::prepared_room::{Floor, PreparedRoom};
 use crate::run::{EventLog, Output, ProcessedMoment};
-use crate::tracks::jsonl::{self, FrameLine};
 use crate::tracks::{Persistence, TrackFiles};
 use crate::{Moment, PersonEstimate};
 

@@ -1,5 +1,6 @@
 //! Six people who walk between two rooms, 200 times.
 
+use mot::jsonl::FrameLine;
 use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
@@ -11,7 +12,7 @@ use super::*;
 use crate::PersonEstimate;
 use crate::TrackId;
 use crate::events::{EventOptions, Events};
-use crate::tracks::jsonl::{FrameLine, PersonLine};
+use crate::tracks::person_line;
 
 /// Frames a second.
 const RATE_HZ: f64 = 5.0;
@@ -76,7 +77,7 @@ fn kept(seed: u64, with_heights: bool) -> f64 {
                 if with_heights {
                     site.see(key, person.height_m);
                 }
-                people.push(PersonLine::new(&person, &[]));
+                people.push(person_line(&person, &[]));
             }
             people.sort_by_key(|person| person.id);
             let line = FrameLine {

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use calib::files::read_text;
+use mot::jsonl::{self, FrameLine};
 use serde::{Deserialize, Serialize};
 use shell::files::FolderLock;
 
 use super::Day;
 use super::day::days_in;
 use crate::events::Clock;
-use crate::tracks::jsonl::{self, FrameLine};
 use crate::tracks::last_line;
 use crate::{Error, PersonEstimate, Result};
 

@@ -5,10 +5,10 @@
 //! through any lens, so outlines and boxes in real pixels are exact with distortion, too.
 
 use calib::Camera;
+use mot::rows::PixelBox;
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::{Body, Ellipsoid};
-use crate::tracks::rows::PixelBox;
 
 /// Number of outline points: enough for a smooth outline, and for a box with an error of 1/3000 of its size.
 const POINTS: usize = 128;

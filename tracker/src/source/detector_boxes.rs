@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use mot::rows::PixelBox;
 use shell::ranges::PIXELS;
 
-use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
 /// Names of the first columns of a row.

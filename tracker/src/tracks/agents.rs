@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use mot::jsonl::rounded;
 use serde::Serialize;
 
 use super::Persistence;
-use super::jsonl::rounded;
 use super::line_file::LineFile;
 use crate::method::agents::{Packet, Report, TargetId};
 use crate::{Error, Result};
@@ -40,7 +40,7 @@ impl AgentsFile {
     /// agent that tracks alone is null.
     ///
     /// # Errors
-    /// [`Error::Io`] with the file.
+    /// [`Error::File`] with the file.
     pub fn write(&mut self, packet: &Packet, camera: &str) -> Result<()> {
         let line = PacketLine {
             time: (packet.time_s * 1e6).round() / 1e6,

@@ -138,7 +138,7 @@ fn tail(file: &mut File, most: u64) -> std::io::Result<(u64, Vec<u8>)> {
 /// The last whole line of a file without its line break; `None` where there is no file or no such line.
 ///
 /// # Errors
-/// [`Error::Io`] with the file.
+/// [`Error::File`] with the file.
 pub(crate) fn last_line(path: &Path) -> Result<Option<String>> {
     let mut file = match File::open(path) {
         Ok(file) => file,

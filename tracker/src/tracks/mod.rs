@@ -1,18 +1,14 @@
-//! Track files: the output of a run, and the input of the evaluator.
+//! Track files: the output of a run, and the input of the evaluator. Their readers are in [`mot`].
 //!
 //! * [`TrackFiles`] — writes `tracks.txt`, `boxes/NAME.txt` and `tracks.jsonl`, frame by frame;
-//! * [`count`] — probability distribution of the number of people;
 //! * [`AgentsFile`] — writes `agents.jsonl`, packet by packet;
 //! * [`Persistence`] — files of one run, or lasting ones;
-//! * [`Stopwatch`] — `timings.json`;
-//! * [`rows`] — reads MOTChallenge rows, floor or image; [`jsonl`] — reads `tracks.jsonl`.
+//! * [`Stopwatch`] — `timings.json`.
 
 mod agents;
-pub mod count;
-pub mod jsonl;
 mod line_file;
+mod lines;
 mod persistence;
-pub mod rows;
 mod timings;
 mod write;
 
@@ -20,6 +16,8 @@ use std::path::{Path, PathBuf};
 
 pub use agents::AgentsFile;
 pub(crate) use line_file::{LineFile, last_line};
+pub(crate) use lines::frame_line;
+pub use lines::person_line;
 pub use persistence::Persistence;
 pub use timings::{StageTimes, Stopwatch, Timings};
 pub use write::TrackFiles;

@@ -3,8 +3,11 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use mot::jsonl::rounded;
+use shell::files::FileError;
+
 use super::Persistence;
-use super::jsonl::{FrameLine, rounded};
+use super::frame_line;
 use super::line_file::LineFile;
 use crate::events::Clock;
 use crate::foreground::Verdict;
@@ -68,7 +71,7 @@ impl TrackFiles {
     /// the reason.
     ///
     /// # Errors
-    /// [`Error::Io`] with the file, or an estimate that is not finite.
+    /// [`Error::File`] with the file, or an estimate that is not finite.
     pub fn write(
         &mut self,
         frame: u32,
@@ -77,7 +80,7 @@ impl TrackFiles {
         set_aside: &[(usize, Verdict)],
     ) -> Result<()> {
         let written = self.write_frame(frame, time_s, people, set_aside);
-        self.has_failed |= matches!(written, Err(Error::Io { .. }));
+        self.has_failed |= matches!(written, Err(Error::File(FileError::Io { .. })));
         written
     }
 
@@ -88,7 +91,7 @@ impl TrackFiles {
         people: &[PersonEstimate],
         set_aside: &[(usize, Verdict)],
     ) -> Result<()> {
-        let line = FrameLine::new(frame, time_s, people, &self.names, set_aside, self.clock.as_ref());
+        let line = frame_line(frame, time_s, people, &self.names, set_aside, self.clock.as_ref());
         let heights = people.iter().map(|p| p.z_m.is_finite());
         if let Some((odd, _)) =
             line.people.iter().zip(heights).find(|(p, is_finite)| !is_finite || !p.is_finite())
@@ -137,7 +140,7 @@ impl TrackFiles {
     /// older ones may stand there.
     ///
     /// # Errors
-    /// [`Error::Io`] with the file.
+    /// [`Error::File`] with the file.
     pub fn finish(mut self) -> Result<()> {
         if self.has_failed {
             return Ok(());
@@ -149,10 +152,11 @@ impl TrackFiles {
 
 #[cfg(test)]
 mod tests {
+    use super::super::person_line;
     use super::*;
     use crate::prepared_room::PreparationOptions;
-    use crate::tracks::{jsonl, jsonl::PersonLine, rows::RowFile};
     use calib::{Camera, Intrinsics};
+    use mot::{jsonl, rows::RowFile};
     use nalgebra::{Isometry3, Point3, Vector3};
     use scenes::room::{Room, RoomCamera};
 
@@ -209,10 +213,7 @@ mod tests {
         assert!(left.has_boxes() && !left.is_on_floor());
         let lines = jsonl::read(&folder.path().join("tracks.jsonl")).unwrap();
         assert_eq!((lines.len(), lines[0].people.len(), lines[1].time), (2, 0, 0.083_333));
-        assert_eq!(
-            lines[1].people[1],
-            PersonLine::new(&person(2, -1.5, 1.5), &["left".into(), "right".into()])
-        );
+        assert_eq!(lines[1].people[1], person_line(&person(2, -1.5, 1.5), &["left".into(), "right".into()]));
         assert!(lines[0].set_aside.is_empty() && lines[1].set_aside == ["right"]);
         assert_eq!(lines[1].states, [Some(crate::events::CameraState::Dark)]);
         let text = std::fs::read_to_string(folder.path().join("tracks.jsonl")).unwrap();

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use mot::jsonl::PersonLine;
 use scenes::room::Room;
 use serde::Serialize;
 use tokio::sync::mpsc::Sender;
@@ -11,7 +12,7 @@ use tokio::sync::mpsc::Sender;
 use crate::PersonEstimate;
 use crate::events::{CameraState, Clock, Event, EventOptions, Events, Tally};
 use crate::foreground::Verdict;
-use crate::tracks::jsonl::{FrameLine, PersonLine};
+use crate::tracks::frame_line;
 
 /// Number of frames that wait for the page's thread before further ones are dropped.
 pub(super) const WAITING_FRAMES: usize = 1024;
@@ -93,7 +94,7 @@ impl LiveFeed {
         let FeedInput { frame, time_s, people, verdicts, utc_s, left_out } = input;
         let faulty = verdicts.iter().copied().enumerate().filter(|(_, verdict)| verdict.is_set_aside());
         let set_aside: Vec<(usize, Verdict)> = faulty.collect();
-        let line = FrameLine::new(frame, time_s, people, &self.cameras, &set_aside, self.clock.as_ref());
+        let line = frame_line(frame, time_s, people, &self.cameras, &set_aside, self.clock.as_ref());
         let events = self.events.step(&line);
         for event in &events {
             self.tally.add(event);
@@ -140,7 +141,7 @@ fn latency_s(utc_s: f64) -> f64 {
 
 /// Word for a camera's fault; `None` for a camera that works.
 fn health(verdict: Verdict) -> Option<&'static str> {
-    match CameraState::of(verdict) {
+    match verdict.camera_state() {
         Some(CameraState::Back) => None,
         Some(CameraState::Lost) => Some("lost"),
         Some(CameraState::Frozen) => Some("frozen"),

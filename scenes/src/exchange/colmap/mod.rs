@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use calib::Camera;
 use glam::{DVec3, Vec3};
+use model::{Defect, ModelPoint};
 use nalgebra::Isometry3;
 
 use super::selection::{Chosen, NamedAfter, camera_names};
@@ -22,12 +23,11 @@ use crate::geometry::Geometry;
 use crate::geometry::scan::{Placing, Scan, ScanVertex};
 use crate::room::{Room, RoomCamera};
 use crate::{Error, Result};
-use model::{Defect, ModelPoint};
 
 /// Reads a model: its cameras, in the order of its pictures or of the selection, named after them, and that it has points.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Content`] naming the file, the place in it and the problem.
+/// [`Error::File`] naming the file, the place in it and the problem.
 pub fn read(dir: &Path, options: &ModelOptions) -> Result<Model> {
     let form = Form::of(dir)?;
     let (lens_file, picture_file) = (form.file(dir, "cameras"), form.file(dir, "images"));
@@ -111,7 +111,7 @@ impl Form {
 /// The model's points as discs that face the cameras; `None` without any.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Content`] naming the file, the place in it and the problem.
+/// [`Error::File`] naming the file, the place in it and the problem.
 pub fn geometry(dir: &Path, placing: &Placing<'_>) -> Result<Option<Geometry>> {
     let placed = |scan: Scan| {
         scan.into_geometry(placing)
@@ -201,5 +201,5 @@ pub fn write(dir: &Path, room: &Room) -> Result<()> {
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })
+    std::fs::read(path).map_err(Error::io(path))
 }

@@ -18,10 +18,10 @@ use crate::{Error, Result};
 /// Reads a room's geometry from a PLY file, ASCII or binary.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Content`] naming the element and its problem.
+/// [`Error::File`] naming the element and its problem.
 pub fn read(path: &Path) -> Result<Geometry> {
-    let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
-    decode(&bytes).map_err(|(place, problem)| Error::Content { path: path.to_owned(), place, problem })
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    decode(&bytes).map_err(|(place, problem)| Error::content(path, place, problem))
 }
 
 type Decoded<T> = std::result::Result<T, Defect>;

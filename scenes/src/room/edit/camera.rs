@@ -32,8 +32,8 @@ pub struct MovedCamera<'a> {
 /// old picture stays. In `scene.toml` only `rotation`, `translation` and `reference` of the camera change.
 ///
 /// # Errors
-/// [`Error::Conflict`] when the camera has another pose or picture in the file by now. [`Error::Content`] when the file
-/// cannot be parsed, must not be written, or is a link; [`Error::Io`] or [`Error::Calib`] when it cannot be read or
+/// [`Error::Conflict`] when the camera has another pose or picture in the file by now. [`Error::File`] when the file
+/// cannot be parsed, must not be written, or is a link; [`Error::File`] or [`Error::Calib`] when it cannot be read or
 /// written.
 pub fn save_moved_camera(dir: &Path, moved: &MovedCamera) -> Result<PathBuf> {
     let path = scene_file_in(dir)?;

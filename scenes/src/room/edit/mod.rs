@@ -21,6 +21,7 @@ mod tests;
 use std::path::Path;
 
 use calib::files::write_atomic;
+use drawn_table::{is_same, is_same_outline, stated};
 use serde::{Deserialize, Serialize};
 use toml_edit::DocumentMut;
 
@@ -29,7 +30,6 @@ use super::validate::{drawn_floor_defect, drawn_zones_defect};
 use super::{Line, Region, Room, Zone};
 use crate::polygon::Polygon;
 use crate::{Error, Result};
-use drawn_table::{is_same, is_same_outline, stated};
 
 pub use camera::{MovedCamera, save_moved_camera};
 pub use merge::{Edited, EditedDrawing, OnConflict};
@@ -43,10 +43,10 @@ impl SceneVersion {
     /// Present version of the file of a room directory.
     ///
     /// # Errors
-    /// [`Error::Content`] when there is no such file, [`Error::Io`] when it cannot be read.
+    /// [`Error::File`] when there is no such file, [`Error::File`] when it cannot be read.
     pub fn of(dir: &Path) -> Result<Self> {
         let path = scene_file_in(dir)?;
-        let bytes = std::fs::read(&path).map_err(|source| Error::Io { path, source })?;
+        let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
         Ok(Self::of_bytes(&bytes))
     }
 
@@ -118,8 +118,8 @@ pub struct SavedDrawing {
 /// # Errors
 /// [`Error::Conflict`] for parts that were changed both here and in the file, unless `on_conflict` says otherwise.
 /// [`Error::Room`] for a drawing that no room may have, and for zones that must not be drawn: without a name, with the
-/// name of another, not simple, without area. [`Error::Content`] when the file cannot be parsed, must not be written, or
-/// is a link; [`Error::Io`] or [`Error::Calib`] when it cannot be read or written.
+/// name of another, not simple, without area. [`Error::File`] when the file cannot be parsed, must not be written, or
+/// is a link; [`Error::File`] or [`Error::Calib`] when it cannot be read or written.
 pub fn save_drawing(
     dir: &Path,
     base: &Drawing,
@@ -153,7 +153,7 @@ pub fn save_drawing(
 
 /// Refuses links and write-protected files: replacing a link by name would make it a file, and lose the protection.
 fn refuse_what_is_not_ours_to_write(path: &Path) -> Result<()> {
-    let io = |source| Error::Io { path: path.to_owned(), source };
+    let io = Error::io(path);
     let problem = if path.symlink_metadata().map_err(io)?.is_symlink() {
         "it is a symbolic link; edit the room it leads to, or put a copy here"
     } else if path.metadata().map_err(io)?.permissions().readonly() {

@@ -1,12 +1,12 @@
 //! Foxglove's messages of a room and its people.
 
+use mot::jsonl::PersonLine;
 use nalgebra::{Isometry3, Point2, UnitQuaternion, Vector3};
 use scenes::room::{Room, RoomCamera};
 use shell::canvas::Color;
 
 use super::wire::ProtoMessage;
 use crate::TrackId;
-use crate::tracks::jsonl::PersonLine;
 
 /// Frame of reference of the room's coordinates.
 pub(super) const ROOM_FRAME: &str = "room";

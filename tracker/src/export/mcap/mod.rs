@@ -27,13 +27,13 @@ use calib::video::FrameSource;
 use image::RgbImage;
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, WriteOptions, Writer};
+use mot::jsonl::{self, FrameLine};
 use scenes::room::Room;
 use shell::files::StagedFile;
 
 use self::messages::Timestamp;
 use self::wire::ProtoMessage;
 use crate::events::{Clock, Event};
-use crate::tracks::jsonl::{self, FrameLine};
 use crate::{Error, Result, TrackId};
 
 /// Options of the export.
@@ -227,7 +227,7 @@ impl<W: Write + Seek> Export<W> {
 fn refused(file: &Path) -> impl Fn(McapError) -> Error + use<> {
     let file = file.to_owned();
     move |error| match error {
-        McapError::Io(source) => Error::Io { path: file.clone(), source },
+        McapError::Io(source) => Error::io(&file)(source),
         other => Error::content(&file, "whole file", format!("cannot be written ({other})")),
     }
 }

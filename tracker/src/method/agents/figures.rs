@@ -6,12 +6,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
 use image::RgbImage;
+use mot::chart::{self, Axis, Chart, HEIGHT_PX, Series, WIDTH_PX};
 use nalgebra::Point2;
 use shell::canvas::{Canvas, Color, TextStyle};
 
 use super::{AgentId, Packet, StationId, TargetId};
 use crate::Result;
-use crate::chart::{self, Axis, Chart, HEIGHT_PX, Series, WIDTH_PX};
 
 /// Maximum number of reports that are kept; the oldest are dropped first.
 const MOST_REPORTS: usize = 1_000_000;
@@ -82,7 +82,7 @@ impl AgencyRecord {
         chart::save(&positions, &folder.join("positions.png"))?;
         let confidences = panels(&stretches, names, |station, own| confidences(&times, station, own));
         chart::save(&confidences, &folder.join("confidences.png"))?;
-        chart::save(&strips(&stretches, &times, names), &folder.join("agencies.png"))
+        Ok(chart::save(&strips(&stretches, &times, names), &folder.join("agencies.png"))?)
     }
 
     fn time(&self, choose: fn(f64, f64) -> f64) -> Option<f64> {

@@ -1,10 +1,10 @@
 //! Options of the head tracker, with the reason for each default.
 
 use serde::{Deserialize, Serialize};
+use shell::options::check_ranges;
 use shell::ranges::{HYPOTHESES, LAYERS, PEOPLE};
 
 use super::integration::{Integration, RayTest};
-use crate::option_checks::check_ranges;
 use crate::{Error, Result};
 
 /// Model of a head: a spheroid around the vertical (figure 10).
@@ -256,10 +256,10 @@ impl CondensationOptions {
         {
             return Err(Error::option("life", "needs lowest_m <= lowest_born_m < highest_m"));
         }
-        check_ranges([
+        Ok(check_ranges([
             ("hypotheses", self.hypotheses as f64, HYPOTHESES),
             ("layers", self.layers as f64, LAYERS),
             ("life.max_people", life.max_people as f64, PEOPLE),
-        ])
+        ])?)
     }
 }

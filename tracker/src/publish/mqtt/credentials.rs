@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use shell::files::FileError;
 
 use crate::{Error, Result};
 
@@ -37,7 +38,7 @@ impl Credentials {
     pub fn read(file: &Path) -> Result<Self> {
         calib::files::read_toml(file).map_err(|error| match error {
             // TOML's messages may quote a line.
-            calib::Error::Content { path, place, .. } => Error::content(
+            calib::Error::File(FileError::Content { path, place, .. }) => Error::content(
                 &path,
                 place,
                 "is no file of credentials; write the two lines user = \"NAME\" and password = \"WORD\"",

@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
+use mot::jsonl::FrameLine;
 use scenes::room::Room;
 use serde::Serialize;
+use shell::options::check_numbers;
 use shell::ranges::RATE_HZ;
 
 use super::MqttOptions;
@@ -15,9 +17,8 @@ use super::scenescape::Scene;
 use super::topics::Topics;
 use crate::events::{Clock, Event, EventOptions, Events, PlaceCount, Tally};
 use crate::foreground::Verdict;
-use crate::option_checks::check_numbers;
 use crate::prepared_room::PreparedRoom;
-use crate::tracks::jsonl::FrameLine;
+use crate::tracks::frame_line;
 use crate::{Error, PersonEstimate, Result};
 
 /// Longest wait for the first attempt to connect, while the run begins.
@@ -144,7 +145,7 @@ impl MqttOutput {
         set_aside: &[(usize, Verdict)],
     ) -> Result<()> {
         let clock = self.options.clock.as_ref();
-        let line = FrameLine::new(frame, time_s, people, &self.cameras, set_aside, clock);
+        let line = frame_line(frame, time_s, people, &self.cameras, set_aside, clock);
         let events = self.events.step(&line);
         self.publish_events(&events)?;
         if let Some(scene) = &mut self.scene {

@@ -5,12 +5,12 @@
 
 use std::collections::BTreeMap;
 
+use mot::jsonl::rounded;
+use mot::rows::PixelBox;
 use serde::Serialize;
 
 use crate::events::{Clock, Event, EventKind};
 use crate::silhouette::{Body, contour};
-use crate::tracks::jsonl::rounded;
-use crate::tracks::rows::PixelBox;
 use crate::{PersonEstimate, TrackId};
 
 /// Least visible share of a silhouette for a camera that sees the person.

@@ -1,9 +1,10 @@
-//! Motion of one person on the floor: the filter of [`white_noise_acceleration`](crate::white_noise_acceleration),
+//! Motion of one person on the floor: the filter of [`white_noise_acceleration`](mot::white_noise_acceleration),
 //! bounded while nobody measures the person.
 
-use nalgebra::{Matrix2, Matrix4, Point2, Vector2, Vector4};
+use std::ops::{Deref, DerefMut};
 
-use crate::white_noise_acceleration::State;
+use mot::white_noise_acceleration::State;
+use nalgebra::{Matrix2, Matrix4, Point2, Vector2, Vector4};
 
 /// Correlation time of the acceleration, seconds: one frame of the published simulation.
 const ACCELERATION_LASTS_S: f64 = 0.1;
@@ -17,7 +18,22 @@ const LARGEST_SIGMA_M: f64 = 3.0;
 const LARGEST_SPEED_SIGMA_M_S: f64 = 1.5;
 
 /// Place (m) and velocity (m/s) of a person on the floor, with their covariance.
-pub(super) type Motion = State<2>;
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Motion(State<2>);
+
+impl Deref for Motion {
+    type Target = State<2>;
+
+    fn deref(&self) -> &State<2> {
+        &self.0
+    }
+}
+
+impl DerefMut for Motion {
+    fn deref_mut(&mut self) -> &mut State<2> {
+        &mut self.0
+    }
+}
 
 /// Fit of a measurement to a prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,7 +47,7 @@ pub(super) struct Fit {
 impl Motion {
     /// Initialises the state from a person's first measurement.
     pub(super) fn first(position: Point2<f64>, velocity: Vector2<f64>, covariance: Matrix2<f64>) -> Self {
-        Self::new(position, velocity, covariance, UNKNOWN_SPEED_M_S * UNKNOWN_SPEED_M_S)
+        Self(State::new(position, velocity, covariance, UNKNOWN_SPEED_M_S * UNKNOWN_SPEED_M_S))
     }
 
     /// Place and velocity: x, y, vx, vy.
@@ -57,10 +73,11 @@ impl Motion {
     /// Slows down an unmeasured person over `dt` seconds and bounds the covariance.
     pub(super) fn slow_down(&mut self, dt: f64) {
         let kept = (-dt / SLOWING_S).exp();
-        self.velocity *= kept;
-        self.cross_covariance *= kept;
-        shrink(&mut self.position_covariance, &mut self.cross_covariance, LARGEST_SIGMA_M);
-        shrink(&mut self.velocity_covariance, &mut self.cross_covariance, LARGEST_SPEED_SIGMA_M_S);
+        let State { velocity, position_covariance, cross_covariance, velocity_covariance, .. } = &mut self.0;
+        *velocity *= kept;
+        *cross_covariance *= kept;
+        shrink(position_covariance, cross_covariance, LARGEST_SIGMA_M);
+        shrink(velocity_covariance, cross_covariance, LARGEST_SPEED_SIGMA_M_S);
     }
 
     /// Fit of a measurement to the state; `None` for a singular innovation covariance.

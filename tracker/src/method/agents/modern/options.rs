@@ -1,9 +1,9 @@
 //! Options of the modern rule, with the reason for each default.
 
 use serde::{Deserialize, Serialize};
+use shell::options::check_numbers;
 
 use crate::Result;
-use crate::option_checks::check_numbers;
 
 /// Options of the modern rule. [`Self::simulation`] is for the published simulation, the default for cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -123,6 +123,6 @@ impl ModernOptions {
         let colours = [("independent_colours", self.independent_colours)];
         check_numbers(colours, |value| (1.0..=3.0).contains(&value), "1 to 3")?;
         let crowded = [("crowded_factor", self.crowded_factor)];
-        check_numbers(crowded, |value| (1.0..=10.0).contains(&value), "1 to 10")
+        Ok(check_numbers(crowded, |value| (1.0..=10.0).contains(&value), "1 to 10")?)
     }
 }

@@ -1,9 +1,9 @@
 //! Options of the published rule.
 
 use serde::{Deserialize, Serialize};
+use shell::options::check_numbers;
 
 use crate::Result;
-use crate::option_checks::check_numbers;
 
 /// Options of the published rule. Names in brackets are the paper's; values that it leaves open were chosen by
 /// simulation.
@@ -122,6 +122,6 @@ impl PublishedOptions {
             ("joining_confidence", self.joining_confidence),
             ("creation_confidence", self.creation_confidence),
         ];
-        check_numbers(fractions, |value| (0.0..=1.0).contains(&value), "0 to 1")
+        Ok(check_numbers(fractions, |value| (0.0..=1.0).contains(&value), "0 to 1")?)
     }
 }

@@ -12,10 +12,10 @@
 
 mod update;
 
+use mot::white_noise_acceleration::ProcessNoise;
 use nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4};
 
 use super::options::MotionOptions;
-use crate::white_noise_acceleration::ProcessNoise;
 
 /// Longest part of a step, as a fraction of the velocity's memory.
 const LONGEST_PART: f64 = 0.25;
