@@ -71,5 +71,6 @@ smoke: image
 
 install: libraries
 	cargo build --profile dist --locked -p roomtrack
+	cargo build --profile dist --locked -p roomtrack-vision
 	@./packaging/documents.sh
 	@./packaging/install.sh "$(DESTDIR)$(PREFIX)"

@@ -5,7 +5,9 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 ./tests/setup.sh package
+# One after the other: together they would share features, and the first would be linked with OpenCV.
 cargo build --profile dist --locked -p roomtrack
+cargo build --profile dist --locked -p roomtrack-vision
 ./packaging/documents.sh
 PATH="$PATH:$PWD/target/tools/bin" cargo deb -p roomtrack --quiet --no-build --profile dist --locked \
     --output target/debian/

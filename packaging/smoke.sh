@@ -15,6 +15,10 @@ cat >"$scratch/office.sh" <<'OFFICE'
 set -eux
 films="--video cam0=video/cam0.mp4 --video cam1=video/cam1.mp4"
 roomtrack --version
+if ldd "$(command -v roomtrack)" | grep -E "opencv|libav"; then
+    echo "roomtrack itself must load neither OpenCV nor FFmpeg" >&2
+    exit 1
+fi
 roomtrack recon build room.toml --zones zones.toml --out myroom --quality draft
 roomtrack scenes check myroom
 roomtrack tracker run myroom $films --out out

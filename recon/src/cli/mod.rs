@@ -19,7 +19,7 @@ pub struct Arguments {
     #[command(subcommand)]
     command: Command,
     /// Say more (-v, -vv; -vvv: everything, with what the video libraries print).
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, display_order = 1000)]
     verbose: u8,
 }
 

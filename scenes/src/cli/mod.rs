@@ -22,7 +22,7 @@ pub struct Arguments {
     #[command(subcommand)]
     command: Command,
     /// Say more (-v, -vv).
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, display_order = 1000)]
     verbose: u8,
 }
 

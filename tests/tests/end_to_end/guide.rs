@@ -15,9 +15,9 @@ use tests::broker::{Broker, BrokerOptions};
 use tests::data::{office, program};
 
 /// Frames of the office's films that are used: 20 without people, then the first ones who come in.
-const FRAMES: usize = 100;
+const FRAMES: usize = 72;
 /// Time for which a command that serves is left to serve, seconds.
-const SERVES_S: u32 = 10;
+const SERVES_S: u32 = 7;
 
 /// Exit status of a program that Ctrl-C has ended.
 const INTERRUPTED: i32 = 130;

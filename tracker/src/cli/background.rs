@@ -44,9 +44,10 @@ fn parse(text: &str) -> Result<Choice, String> {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Foreground")]
 pub(super) struct BackgroundArguments {
-    /// Background model: the recording's own median over time (median), a model learnt during the run by OpenCV (online
-    /// = mog2, knn), or a clip or picture of the empty room for one camera (NAME=PATH, may be repeated). auto: median
-    /// for recordings; online for streams, starting from the room's reference picture of the camera if there is one
+    /// Background model: the recording's own median over time, in each of its lights (median), a model learnt during the
+    /// run by OpenCV (online = mog2, knn), or a clip or picture of the empty room for one camera (NAME=PATH, may be
+    /// repeated). auto: median for recordings; online for streams, starting from the room's reference picture of the
+    /// camera if there is one
     #[arg(long, value_parser = parse, default_value = "auto", value_name = "KIND|NAME=PATH")]
     background: Vec<Choice>,
     /// Leave shadows and reflections in the masks

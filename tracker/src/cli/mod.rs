@@ -50,7 +50,7 @@ pub struct Arguments {
     #[command(subcommand)]
     command: Command,
     /// Log more (-vv: everything, with the output of the video libraries).
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 1000)]
     verbose: u8,
 }
 

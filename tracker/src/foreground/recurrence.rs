@@ -28,6 +28,8 @@ const BESIDE_PX: usize = 4;
 /// Largest ratio of the channels' ratios of two shades of one surface, and levels that are added to each, for dark ones.
 const SHADE_RATIO: f64 = 1.15;
 const DARK: f64 = 4.0;
+/// Share of shades in a region from which on it is no body, but light that has changed.
+const MOST_SHADE: f64 = 0.7;
 /// Largest difference of levels that counts in a contrast.
 const MOST_CONTRAST: u32 = 60;
 /// Radius over which gaps between changed pixels are closed, as a divisor of the picture's height.
@@ -110,6 +112,10 @@ fn is_body(region: &[usize], others: &[Option<OtherColor>], median: &[[u8; 3]], 
         return false;
     }
     let comes_back = returns as f64 > 0.25 * colors;
+    let is_shade = |pixel: &&usize| others[**pixel].is_some_and(|o| are_shades(o.color, median[**pixel]));
+    if !comes_back && region.iter().filter(is_shade).count() as f64 > MOST_SHADE * colors {
+        return false;
+    }
     let (mut of_median, mut of_other) = (0_u64, 0_u64);
     for &pixel in region {
         let Some(other) = others[pixel].filter(|other| !are_shades(other.color, median[pixel])) else {
