@@ -16,6 +16,8 @@ const HALF_KNOWN_BOXES: f64 = 8.0;
 pub(super) struct ShownTraits {
     /// Height; `None` where the boxes did not measure it.
     pub(super) height: Option<Spread>,
+    /// Radius; `None` where the boxes did not measure it.
+    pub(super) radius: Option<Spread>,
     /// Vectors of the boxes that are surely this person's.
     pub(super) vector: MeanVector,
 }
