@@ -76,6 +76,8 @@ pub(super) struct Encounters {
     tracked: BTreeMap<TrackId, LearntTraits>,
     /// Time up to which encounters were looked for, seconds.
     searched_s: Option<f64>,
+    /// Whether the detector gives appearance vectors.
+    has_vectors: bool,
 }
 
 /// Exchange of two names after a time.
@@ -270,7 +272,8 @@ fn beginnings(moments: &VecDeque<LaggedMoment>) -> Vec<(TrackId, f64)> {
 impl Mcmc {
     /// Exchanges ids of people who met, or of one who was lost and one who was found, where their sizes since then tell.
     pub(super) fn rename_by_sizes(&mut self) {
-        if self.boxes.has_vectors() {
+        self.encounters.has_vectors |= self.boxes.has_vectors();
+        if self.encounters.has_vectors {
             // Vectors tell more.
             return;
         }

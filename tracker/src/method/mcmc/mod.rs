@@ -341,6 +341,6 @@ mod tests;
 
 /// Test room with two cameras, and masks of people in it.
 #[cfg(test)]
-pub(super) mod test_room {
+pub(crate) mod test_room {
     pub(crate) use super::tests::{empty_room, masks, standing};
 }
