@@ -104,7 +104,9 @@ fn boxes() {
     let of_left = |more: &[&str]| small.run_only(&[&["--detections", "left=left.txt"], more].concat());
     refused(&of_left(&["--detections", "middle=left.txt"]), &["--detections middle", "`left`, `right`"]);
     refused(&of_left(&["--detections", "left=empty.txt"]), &["--detections left", "already"]);
-    refused(&of_left(&["--method", "agents"]), &["--detections", "mcmc"]);
+    refused(&of_left(&["--method", "condensation"]), &["--detections", "mcmc and agents"]);
+    let twice = small.run_only(&["--detections", "left=-", "--detections", "right=-"]);
+    refused(&twice, &["--detections right=-", "its own"]);
     refused(&small.run_only(&["--detections", "left=empty.txt"]), &["--detections", "empty.txt", "no box"]);
     refused(&small.run_only(&["--detections", "left=nowhere.txt"]), &["nowhere.txt"]);
     small.write("left.txt", "1,-1,20,10,nan,20,1\n");

@@ -115,7 +115,12 @@ impl AgentStationArguments {
         let camera = prepared.camera_index(&station.name).context("the room has no such camera")?;
         let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
         self.publish.check()?;
-        let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
+        let options = super::agent_options::options(
+            &self.sampler,
+            self.seed,
+            self.most_people,
+            station.has_boxes_alone(),
+        )?;
         let cameras: Vec<String> = prepared.cameras.iter().map(|camera| camera.name.clone()).collect();
         let own = PreparedRoom { cameras: vec![prepared.cameras[camera].clone()], ..prepared.clone() };
         let tracker = SoloStation::new(prepared, id, &options)?;
@@ -229,8 +234,8 @@ impl Follower {
         self.time_s = time_s;
         self.frame =
             u32::try_from(observation.sequence).unwrap_or(u32::MAX).max(self.frame.saturating_add(1));
-        let camera =
-            CameraFrame { mask: observation.mask, colours: observation.colours, ..CameraFrame::default() };
+        let Observation { mask, colours, boxes, health, .. } = observation;
+        let camera = CameraFrame { mask, colours, boxes, image: None };
         let heard = self.mesh.heard();
         let (tracker, outputs, frame) = (&mut self.tracker, &mut self.outputs, self.frame);
         outputs.stopwatch.record("decode", decode);
@@ -242,7 +247,7 @@ impl Follower {
             tracing::warn!("{error}: a packet is not sent");
         }
         let people = self.tracker.people();
-        Ok(self.outputs.write(frame, time_s, &people, observation.health)?)
+        Ok(self.outputs.write(frame, time_s, &people, health)?)
     }
 }
 

@@ -67,6 +67,11 @@ impl ClockArguments {
         self.times.is_empty() && self.rate.is_none() && self.offset.is_empty()
     }
 
+    /// Whether the frames' times are given.
+    pub(super) fn are_given(&self) -> bool {
+        !self.times.is_empty() || self.rate.is_some()
+    }
+
     /// Whether the offsets are to be estimated from the people seen.
     pub(super) fn is_auto(&self) -> bool {
         self.offset.contains(&Offset::Auto)

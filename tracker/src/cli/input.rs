@@ -39,6 +39,8 @@ pub(super) struct RunInput {
     pub(super) is_live: bool,
     /// Whether cameras have pictures that can be demanded.
     pub(super) has_pictures: bool,
+    /// Whether a detector's boxes are all that there is.
+    pub(super) has_boxes_alone: bool,
     /// Frame rate of the fastest camera, frames a second.
     pub(super) rate_hz: f64,
     /// Approximate number of moments; `None` where it cannot be known.
@@ -109,6 +111,7 @@ impl RunSources {
                 return Ok(RunInput {
                     is_live: sources.iter().any(CameraSource::is_live),
                     has_pictures: sources.iter().any(|s| s.video.is_some()),
+                    has_boxes_alone: sources.iter().all(CameraSource::has_boxes_alone),
                     rate_hz,
                     promised,
                     alignments,
@@ -142,6 +145,7 @@ impl RunSources {
         Ok(RunInput {
             is_live,
             has_pictures: false,
+            has_boxes_alone: ports.iter().all(|port| port.has_boxes_alone),
             rate_hz: if rate_hz > 0.0 { rate_hz } else { USUAL_RATE_HZ },
             promised: None,
             alignments,

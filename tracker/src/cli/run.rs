@@ -93,7 +93,7 @@ fn follow(
     // A service plays recordings at their own speed, as if they were cameras.
     input.is_live |= service.is_some();
     let is_live = input.is_live;
-    let mut method = args.method(&prepared, is_live)?;
+    let mut method = args.method(&prepared, is_live, input.has_boxes_alone)?;
     let journal = service.map(|_| RoomService::journal(&args.out)).transpose()?;
     if let Some(journal) = &journal {
         method = Box::new(RaisedIds::new(method, journal.next_id()));

@@ -74,7 +74,8 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "NAME=PATH")]
     pub(super) masks: Vec<NamedSource>,
     /// A detector's boxes of people in a camera (MOTChallenge rows frame,id,left,top,width,height,…; ids are ignored), beside
-    /// video or masks or in place of them; for --method mcmc
+    /// video or masks or in place of them. A pipe, or - for standard input, is live: frames are taken as they come, as rows or
+    /// as JSON lines {"time":…,"boxes":[{"left":…,"top":…,"width":…,"height":…},…]}; with --rate or --times it is read as a file
     #[arg(long, value_name = "NAME=FILE")]
     pub(super) detections: Vec<NamedSource>,
     /// Folder to write to.
@@ -134,7 +135,12 @@ pub(crate) struct RunArgs {
 impl RunArgs {
     /// The sources of this machine.
     pub(super) fn sources(&self) -> NamedSources<'_> {
-        NamedSources { videos: &self.video, masks: &self.masks, detections: &self.detections }
+        NamedSources {
+            videos: &self.video,
+            masks: &self.masks,
+            detections: &self.detections,
+            are_timed: self.clocks.are_given(),
+        }
     }
 
     /// Files and folders that the run reads.
@@ -151,17 +157,10 @@ impl RunArgs {
         self.stations.is_some() || self.endpoints.gathers()
     }
 
-    /// Whether a detector's boxes are all that there is.
-    fn has_boxes_alone(&self) -> bool {
-        !self.detections.is_empty() && self.video.is_empty() && self.masks.is_empty()
-    }
-
     /// Refuses boxes for methods that do not look at them.
     pub(super) fn check_detections(&self) -> anyhow::Result<()> {
-        if let (Some(given), MethodName::Condensation | MethodName::Agents) =
-            (self.detections.first(), self.method)
-        {
-            bail!("--detections {}={}: only --method mcmc takes boxes", given.name, given.spec);
+        if let (Some(given), MethodName::Condensation) = (self.detections.first(), self.method) {
+            bail!("--detections {}={}: only --method mcmc and agents take boxes", given.name, given.spec);
         }
         Ok(())
     }
@@ -175,11 +174,16 @@ impl RunArgs {
         }
     }
 
-    /// The method, prepared for the room.
-    pub(super) fn method(&self, prepared: &PreparedRoom, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
+    /// The method, prepared for the room. `has_boxes_alone`: whether a detector's boxes are all that there is.
+    pub(super) fn method(
+        &self,
+        prepared: &PreparedRoom,
+        is_live: bool,
+        has_boxes_alone: bool,
+    ) -> anyhow::Result<Box<dyn Method>> {
         Ok(match self.method {
             MethodName::Mcmc => {
-                let mut options = if self.has_boxes_alone() {
+                let mut options = if has_boxes_alone {
                     self.sampler.of_boxes(self.seed)?
                 } else {
                     self.sampler.options(self.seed)?
@@ -191,7 +195,12 @@ impl RunArgs {
                 Box::new(Mcmc::new(prepared.clone(), options)?)
             }
             MethodName::Agents => {
-                let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
+                let options = super::agent_options::options(
+                    &self.sampler,
+                    self.seed,
+                    self.most_people,
+                    has_boxes_alone,
+                )?;
                 Box::new(Agents::new(prepared.clone(), &options)?)
             }
             MethodName::Condensation => {

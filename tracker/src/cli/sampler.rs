@@ -23,8 +23,8 @@ enum AcceptanceName {
     ReversibleJump,
 }
 
-/// Largest useful lag, seconds: later observations add nothing.
-const MOST_LAG_S: f64 = 5.0;
+/// Largest useful lag, seconds: later observations add nothing, and ids that people exchanged are found within this time.
+const MOST_LAG_S: f64 = 20.0;
 
 /// Largest number of steps: more would make a frame take too long.
 const MOST_STEPS: u32 = 1_000_000;
@@ -53,7 +53,7 @@ pub(super) struct SamplerArguments {
     #[arg(long)]
     postures: bool,
     /// Lag of the output, seconds: estimates are smoothed by the observations of that time, which also decide who had
-    /// just come in. 0 writes at once [default: 0.4 for recordings, of boxes alone 3, 0 for streams]
+    /// just come in. 0 writes at once [default: 0.4 for recordings, of boxes alone 10, 0 for streams]
     #[arg(long, value_name = "SECONDS")]
     pub(super) lag: Option<f64>,
     /// The method as published (any --method); its other options still change it. For the sampler that is likelihood,

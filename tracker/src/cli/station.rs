@@ -37,7 +37,7 @@ enum StationMethod {
 /// Observe one camera on this machine, for a `tracker run --stations` on another; or track with other stations, without
 /// one.
 ///
-/// Masks and the colours of the foreground are sent to the gatherer; pictures are not, unless --pictures is given. A
+/// Masks, boxes and the colours of the foreground are sent to the gatherer; pictures are not, unless --pictures is given. A
 /// live station goes on with and without a gatherer; that of a recording waits for it and keeps to its pace.
 ///
 /// With --method agents there is no gatherer: each station tracks, sends about 40 bytes a person and frame to the
@@ -53,6 +53,7 @@ enum StationMethod {
   tracker run myroom --stations camerahost0:7447,camerahost1:7447 --out out
   tracker station myroom --camera cam0 --video 0 --connect gatherer:7447
   tracker run myroom --listen 0.0.0.0:7447 --out out
+  detector --camera 0 | tracker station myroom --camera cam0 --detections - --connect gatherer:7447
   tracker station myroom --camera cam0 --video rtsp://camera/stream --listen tls/0.0.0.0:7447 \\
       --tls-certificate cam0.pem --tls-key cam0.key --tls-authority ca.pem --allow gatherer
   tracker station myroom --camera cam0 --video 0 --method agents --out out0 --listen 0.0.0.0:7447
@@ -66,11 +67,15 @@ pub(crate) struct StationArgs {
     #[arg(long, value_name = "NAME")]
     camera: String,
     /// Video of the camera: a file, a folder of images, a printf pattern, a stream's URL or a device number.
-    #[arg(long, value_name = "PATH|URL", required_unless_present = "masks")]
+    #[arg(long, value_name = "PATH|URL", required_unless_present_any = ["masks", "detections"])]
     video: Option<String>,
     /// Ready-made masks (folder of 8-bit images, 0 = background, or a video), instead of background subtraction.
     #[arg(long, value_name = "PATH")]
     masks: Option<String>,
+    /// A detector's boxes of people (MOTChallenge rows), beside video or masks or in place of them. A pipe, or - for standard
+    /// input, is live: frames are taken as they come, as rows or as JSON lines; with --rate or --times it is read as a file
+    #[arg(long, value_name = "FILE")]
+    detections: Option<String>,
     /// Track on this machine, together with the stations of the other cameras
     #[arg(long, value_enum, conflicts_with = "pictures")]
     method: Option<StationMethod>,
@@ -101,7 +106,8 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         args.agents.check_unused()?;
     }
     if let Some(out) = args.agents.out() {
-        let sources = args.video.iter().chain(&args.masks).flat_map(|spec| paths_of(spec));
+        let given = args.video.iter().chain(&args.masks).chain(&args.detections);
+        let sources = given.flat_map(|spec| paths_of(spec));
         let inputs = sources.chain(args.clocks.paths()).chain(args.background.paths());
         refuse_inputs(out, inputs.chain(room::files_of(&args.room)))?;
     }
@@ -110,8 +116,10 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         let one = spec.iter().map(|spec| NamedSource { name: args.camera.clone(), spec: spec.clone() });
         one.collect()
     };
-    let (videos, masks) = (named(&args.video), named(&args.masks));
-    let sources = source::open(&room, NamedSources { videos: &videos, masks: &masks, detections: &[] })?;
+    let [videos, masks, detections] = [&args.video, &args.masks, &args.detections].map(named);
+    let are_timed = args.clocks.are_given();
+    let named = NamedSources { videos: &videos, masks: &masks, detections: &detections, are_timed };
+    let sources = source::open(&room, named)?;
     args.background.check_names(&videos, &masks)?;
     args.clocks.refuse_offsets()?;
     let clocks = args.clocks.clocks(&sources)?;
@@ -148,6 +156,7 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         height: of_stage.height(),
         is_live: station.is_live(),
         rate_hz: station.rate_hz,
+        has_boxes_alone: station.has_boxes_alone(),
     };
     let (mut uplink, feedback) = Uplink::open(hello, &endpoints)?;
     if !is_live {

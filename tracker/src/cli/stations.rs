@@ -15,9 +15,10 @@ use crate::foreground::health::Health;
 use crate::foreground::{Foreground, InitialBackground};
 use crate::method::Needs;
 use crate::prepared_room::{PreparedCamera, PreparedRoom};
-use crate::source::{CameraSource, CaptureTimes, VideoSource};
+use crate::source::{CameraSource, CaptureTimes, Detections, VideoSource};
 use crate::station::{
-    LiveStation, Masks, Observer, Pace, PictureDemand, PoseFollower, RecordedStation, Station, Work,
+    LiveBoxStation, LiveStation, Masks, Observer, Pace, PictureDemand, PoseFollower, RecordedStation,
+    Station, Work,
 };
 
 /// Options of the films or the page, and the demand for their pictures.
@@ -82,8 +83,14 @@ impl StationBuilder<'_> {
             return Err(Error::option("--masks", problem).into());
         }
         if detections.is_some() && matches!(video, Some(VideoSource::Live(_))) {
+            let problem =
+                format!("camera `{name}` is a stream, whose frames no boxes belong to; leave one out");
+            return Err(Error::option("--detections", problem).into());
+        }
+        if matches!(detections, Some(Detections::Live(_))) && (video.is_some() || masks.is_some()) {
             let problem = format!(
-                "camera `{name}` is a stream, whose frames no file of boxes belongs to; leave one out"
+                "camera `{name}` has a pipe of boxes beside a recording, whose frames they do not belong to; leave \
+                 one out, or give --rate or --times to read the pipe to its end"
             );
             return Err(Error::option("--detections", problem).into());
         }
@@ -119,11 +126,18 @@ impl StationBuilder<'_> {
         let observer = Observer::new(self.room, &name, made, self.needs)?
             .with_pose_watch(PoseFollower::new(of_stage, record).with_scene(after_turn));
         let drawn = (self.drawing.looks.panel_px(of_stage), self.drawing.demand.clone());
-        let work = match video {
-            Some(VideoSource::Live(source)) => {
+        let work = match (video, detections) {
+            (_, Some(Detections::Live(source))) => {
+                Work::LiveBoxes(Box::new(LiveBoxStation { source, observer }))
+            }
+            (Some(VideoSource::Live(source)), _) => {
                 Work::Live(Box::new(LiveStation { source, observer, filmed_size, drawn }))
             }
-            video => {
+            (video, detections) => {
+                let detections = match detections {
+                    Some(Detections::Recorded(boxes)) => Some(boxes),
+                    _ => None,
+                };
                 let video = video.and_then(|video| match video {
                     VideoSource::Recorded(source) => Some(source),
                     VideoSource::Live(_) => None,

@@ -22,7 +22,13 @@ fn gathering(rates_hz: &[f64], offsets_s: &[f64], is_live: bool) -> (Stations, G
         let (give, take) = channel();
         feedback.push(take);
         let feedback = Box::new(move |f| give.send(f).unwrap_or_default());
-        Port { name: format!("cam{camera}"), is_live, rate_hz: Some(*rate_hz), feedback }
+        Port {
+            name: format!("cam{camera}"),
+            is_live,
+            rate_hz: Some(*rate_hz),
+            has_boxes_alone: false,
+            feedback,
+        }
     });
     let alignments =
         offsets_s.iter().map(|offset_s| ClockAlignment { offset_s: *offset_s, ..ClockAlignment::default() });

@@ -1,32 +1,10 @@
-//! A detector's boxes of people, read from MOTChallenge rows.
-//!
-//! One row a box: `frame,id,left,top,width,height[,confidence[,x,y,z[,appearance…]]]`. Ids and floor positions are ignored.
-//! Numbers after the tenth column are an appearance vector, of the same length in all rows.
+//! A detector's boxes of people, read from a file.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use mot::rows::PixelBox;
-use shell::ranges::PIXELS;
-
+use super::detector_rows::{DetectedBox, parse_row};
 use crate::{Error, Result};
-
-/// Names of the first columns of a row.
-const COLUMNS: [&str; 10] = ["frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z"];
-/// Columns that every row has.
-const LEAST_COLUMNS: usize = 6;
-/// Largest frame number: 46 days at 25 frames a second. Larger ones are times, or another column.
-const LAST_FRAME: f64 = 1e8;
-
-/// Box of a detector, as its row gives it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DetectedBox {
-    /// Box in pixels of what the camera films.
-    pub pixels: PixelBox,
-    /// Numbers after the tenth column; `None` without any.
-    pub appearance: Option<Arc<[f32]>>,
-}
 
 /// One camera's boxes, frame by frame, in pixels of what the camera films.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,48 +79,10 @@ impl DetectorBoxes {
     }
 }
 
-/// Frame and box of one row.
-fn parse_row(content: &str) -> std::result::Result<(u32, DetectedBox), String> {
-    let mut values = [0.0; COLUMNS.len()];
-    let mut count = 0;
-    let mut vector: Vec<f32> = Vec::new();
-    for text in content.split(',').map(str::trim) {
-        let name = || COLUMNS.get(count).map_or_else(|| format!("column {}", count + 1), |c| (*c).to_owned());
-        let value: f64 = text.parse().map_err(|_| format!("{} is `{text}`, which is no number", name()))?;
-        if !value.is_finite() {
-            return Err(format!("{} is {text}; only finite numbers can be used", name()));
-        }
-        match values.get_mut(count) {
-            Some(column) => *column = value,
-            None if (value as f32).is_finite() => vector.push(value as f32),
-            None => {
-                return Err(format!("{} is {text}; appearance values are at most {:e}", name(), f32::MAX));
-            }
-        }
-        count += 1;
-    }
-    if count < LEAST_COLUMNS {
-        return Err(format!("has {count} columns; a row is frame,id,left,top,width,height,confidence"));
-    }
-    let [frame, _, left, top, width, height, ..] = values;
-    if !(frame.fract() == 0.0 && (1.0..=LAST_FRAME).contains(&frame)) {
-        return Err(format!("frame is {frame}; frames are whole numbers from 1 to {LAST_FRAME}"));
-    }
-    if !(width > 0.0 && height > 0.0) {
-        return Err(format!("the box is {width} × {height} pixels; give a width and a height above 0"));
-    }
-    for (name, value) in COLUMNS[2..6].iter().zip([left, top, width, height]) {
-        if let Some(problem) = PIXELS.defect(value) {
-            return Err(format!("{name} {problem}"));
-        }
-    }
-    let appearance = (!vector.is_empty()).then(|| vector.into());
-    Ok((frame as u32, DetectedBox { pixels: PixelBox { left, top, width, height }, appearance }))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mot::rows::PixelBox;
 
     fn parse(text: &str) -> Result<DetectorBoxes> {
         DetectorBoxes::parse(Path::new("boxes.txt"), text)

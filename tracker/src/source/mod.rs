@@ -1,8 +1,10 @@
 //! Sources of pictures: named videos and masks, matched with the room's cameras, and the time of each frame.
 
 mod arrival;
+mod box_stream;
 mod capture_times;
 mod detector_boxes;
+mod detector_rows;
 pub mod sampling;
 pub mod times;
 
@@ -13,8 +15,10 @@ use calib::video::FrameSource;
 use scenes::room::{Room, RoomCamera};
 
 pub use arrival::{ArrivalClock, utc_s};
+pub use box_stream::{ArrivedFrame, BoxStream, FrameAssembler, next_line};
 pub use capture_times::CaptureTimes;
-pub use detector_boxes::{DetectedBox, DetectorBoxes};
+pub use detector_boxes::DetectorBoxes;
+pub use detector_rows::{DetectedBox, DetectedFrame};
 pub use times::Times;
 
 use crate::{Error, Result};
@@ -51,7 +55,7 @@ pub struct CameraSource {
     /// Ready-made masks, which replace background subtraction.
     pub masks: Option<FrameSource>,
     /// A detector's boxes of people.
-    pub detections: Option<DetectorBoxes>,
+    pub detections: Option<Detections>,
 }
 
 /// The sources of a run as they were named, each of them for one camera.
@@ -61,8 +65,37 @@ pub struct NamedSources<'a> {
     pub videos: &'a [NamedSource],
     /// Ready-made masks.
     pub masks: &'a [NamedSource],
-    /// Files of detections.
+    /// Files or pipes of detections.
     pub detections: &'a [NamedSource],
+    /// Whether the frames' capture times are given. Then a pipe of detections is read to its end, as a file.
+    pub are_timed: bool,
+}
+
+/// Boxes of one camera.
+#[derive(Debug)]
+pub enum Detections {
+    /// All frames of a recording.
+    Recorded(DetectorBoxes),
+    /// A detector that writes while it sees.
+    Live(BoxStream),
+}
+
+impl Detections {
+    /// Opens a file, or a pipe.
+    fn open(source: &NamedSource, is_timed: bool) -> Result<Self> {
+        match BoxStream::of(&source.spec).filter(|_| !is_timed) {
+            Some(stream) => Ok(Self::Live(stream)),
+            None => DetectorBoxes::read(Path::new(BoxStream::path(&source.spec))).map(Self::Recorded),
+        }
+    }
+
+    /// Boxes of a recording.
+    pub fn recorded(&self) -> Option<&DetectorBoxes> {
+        match self {
+            Self::Recorded(boxes) => Some(boxes),
+            Self::Live(_) => None,
+        }
+    }
 }
 
 /// Pictures of one camera.
@@ -97,11 +130,20 @@ fn may_be_live(spec: &str) -> bool {
 /// A name the room does not have (all of its names are listed), a name given twice, no source at all, a source that
 /// cannot be opened, or one whose images do not have the camera's size.
 pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
-    let NamedSources { videos, masks, detections } = named;
+    let NamedSources { videos, masks, detections, are_timed } = named;
     for (option, named) in [("videos", videos), ("masks", masks), ("detections", detections)] {
         for (i, source) in named.iter().enumerate() {
             room.camera(&source.name)
                 .map_err(|e| Error::option(format!("{option} {}", written(source)), e.to_string()))?;
+            if option == "detections"
+                && BoxStream::of(&source.spec).is_some()
+                && named[..i].iter().any(|earlier| earlier.spec == source.spec)
+            {
+                return Err(Error::option(
+                    format!("{option} {}", written(source)),
+                    "is the pipe of another camera, too; give each camera its own",
+                ));
+            }
             if named[..i].iter().any(|earlier| earlier.name == source.name) {
                 return Err(Error::option(
                     format!("{option} {}", written(source)),
@@ -120,8 +162,7 @@ pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
             None => None,
         };
         let masks = find(masks).map(|source| open_one(camera, &source)).transpose()?;
-        let detections =
-            find(detections).map(|source| DetectorBoxes::read(Path::new(&source.spec))).transpose()?;
+        let detections = find(detections).map(|source| Detections::open(&source, are_timed)).transpose()?;
         if video.is_some() || masks.is_some() || detections.is_some() {
             sources.push(CameraSource { name: camera.name.clone(), video, masks, detections });
         }
@@ -146,10 +187,13 @@ pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
         ));
     }
     // A detector may find nobody in one camera while others show people.
-    let detected = || sources.iter().filter_map(|source| source.detections.as_ref());
+    let detected = || sources.iter().filter_map(CameraSource::recorded_boxes);
     check_vector_lengths(detected().filter(|boxes| boxes.frame_count() > 0))?;
     let frames = detected().map(DetectorBoxes::frame_count).max().unwrap_or(0);
-    if frames == 0 && sources.iter().all(|source| source.video.is_none() && source.masks.is_none()) {
+    let has_files_alone = |source: &CameraSource| {
+        source.video.is_none() && source.masks.is_none() && source.recorded_boxes().is_some()
+    };
+    if frames == 0 && sources.iter().all(has_files_alone) {
         let paths: Vec<String> = detected().map(|boxes| boxes.path().display().to_string()).collect();
         return Err(Error::option(
             "detections",
@@ -160,7 +204,9 @@ pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
         ));
     }
     for source in &mut sources {
-        source.detections.iter_mut().for_each(|detections| detections.extend_to(frames));
+        if let Some(Detections::Recorded(boxes)) = &mut source.detections {
+            boxes.extend_to(frames);
+        }
     }
     Ok(sources)
 }
@@ -232,7 +278,7 @@ impl CameraSource {
             return None;
         }
         let counts: Option<Vec<usize>> = self.sources().map(FrameSource::frame_count).collect();
-        let alone = self.detections.as_ref().filter(|_| self.sources().next().is_none());
+        let alone = self.recorded_boxes().filter(|_| self.sources().next().is_none());
         counts?.into_iter().chain(alone.map(|detections| detections.frame_count() as usize)).min()
     }
 
@@ -244,6 +290,17 @@ impl CameraSource {
     /// Whether the source is live.
     pub fn is_live(&self) -> bool {
         matches!(self.video, Some(VideoSource::Live(_)))
+            || matches!(self.detections, Some(Detections::Live(_)))
+    }
+
+    /// Boxes of a recording.
+    pub fn recorded_boxes(&self) -> Option<&DetectorBoxes> {
+        self.detections.as_ref().and_then(Detections::recorded)
+    }
+
+    /// Whether a detector's boxes are all that there is.
+    pub fn has_boxes_alone(&self) -> bool {
+        self.detections.is_some() && self.video.is_none() && self.masks.is_none()
     }
 
     /// The video and the masks, those that are open.
@@ -286,7 +343,7 @@ mod tests {
     }
 
     fn of<'a>(videos: &'a [NamedSource], masks: &'a [NamedSource]) -> NamedSources<'a> {
-        NamedSources { videos, masks, detections: &[] }
+        NamedSources { videos, masks, ..NamedSources::default() }
     }
 
     #[test]

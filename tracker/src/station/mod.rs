@@ -4,11 +4,13 @@
 //! * [`RecordedStation`] — every frame of a recording in order, as fast as the gathering takes them or at the recorded
 //!   speed.
 //! * [`LiveStation`] — the newest picture of a live camera; frames that it cannot keep up with are passed over.
+//! * [`LiveBoxStation`] — the boxes of a detector that writes to a pipe.
 //! * [`PoseFollower`] — a camera that turns during the run.
 //! * [`start`] — a station on a thread of this process, and the [`Port`] by which the gathering reaches it. A station in a
 //!   process of its own does the same work and sends its events over the network ([`crate::wire`]).
 
 mod live;
+mod live_boxes;
 mod observer;
 mod permits;
 mod port;
@@ -20,6 +22,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 
 pub use live::LiveStation;
+pub use live_boxes::LiveBoxStation;
 pub use observer::{FrameInput, Masks, Observer};
 pub use permits::Permits;
 pub use port::{Inbox, Port};
@@ -39,12 +42,14 @@ pub struct Station {
     pub work: Work,
 }
 
-/// The two kinds of stations.
+/// The kinds of stations.
 pub enum Work {
     /// Of a recording.
     Recorded(Box<RecordedStation>),
     /// Of a live camera.
     Live(Box<LiveStation>),
+    /// Of a live detector.
+    LiveBoxes(Box<LiveBoxStation>),
 }
 
 impl Station {
@@ -52,7 +57,18 @@ impl Station {
     pub fn is_live(&self) -> bool {
         match &self.work {
             Work::Recorded(station) => station.pace != Pace::Free,
-            Work::Live(_) => true,
+            Work::Live(_) | Work::LiveBoxes(_) => true,
+        }
+    }
+
+    /// Whether a detector's boxes are all that the station observes.
+    pub fn has_boxes_alone(&self) -> bool {
+        match &self.work {
+            Work::Recorded(station) => {
+                station.detections.is_some() && station.video.is_none() && station.masks.is_none()
+            }
+            Work::Live(_) => false,
+            Work::LiveBoxes(_) => true,
         }
     }
 
@@ -61,6 +77,7 @@ impl Station {
         match self.work {
             Work::Recorded(station) => station.run(feedback, permits, send),
             Work::Live(station) => station.run(feedback, permits, send),
+            Work::LiveBoxes(station) => station.run(feedback, send),
         }
     }
 }
@@ -69,11 +86,12 @@ impl Station {
 pub fn start(station: Station, camera: usize, inbox: Inbox, permits: &Permits) -> Port {
     let (give_feedback, feedback) = channel();
     let (name, is_live, rate_hz) = (station.name.clone(), station.is_live(), station.rate_hz);
+    let has_boxes_alone = station.has_boxes_alone();
     let permits = permits.clone();
     thread::spawn(move || station.run(&feedback, &permits, |event| inbox.send((camera, event)).is_ok()));
     let feedback = Box::new(move |feedback| {
         // A station that has ended needs no feedback.
         let _ = give_feedback.send(feedback);
     });
-    Port { name, is_live, rate_hz, feedback }
+    Port { name, is_live, rate_hz, has_boxes_alone, feedback }
 }

@@ -16,6 +16,8 @@ pub struct Port {
     pub is_live: bool,
     /// Mean frame rate, frames a second, if the source states it.
     pub rate_hz: Option<f64>,
+    /// Whether a detector's boxes are all that the station observes.
+    pub has_boxes_alone: bool,
     /// Sends feedback to the station. Feedback for a station that has ended is dropped.
     pub feedback: Box<dyn FnMut(Feedback) + Send>,
 }

@@ -119,7 +119,15 @@ mod tests {
     #[test]
     fn errors_of_all_ends_tell_how_to_install_stations() {
         let room = Fingerprint([0; Fingerprint::BYTES]);
-        let hello = Hello { room, camera: "a".into(), width: 1, height: 1, is_live: true, rate_hz: None };
+        let hello = Hello {
+            room,
+            camera: "a".into(),
+            width: 1,
+            height: 1,
+            is_live: true,
+            rate_hz: None,
+            has_boxes_alone: false,
+        };
         let line = Uplink::open(hello, &Endpoints::default()).unwrap_err().to_string();
         assert!(line.contains("--features zenoh") && !line.contains('\n'), "{line}");
         let expected = ExpectedStations { room, cameras: Vec::new() };

@@ -185,7 +185,15 @@ mod tests {
 
     fn station(is_live: bool) -> (Enrolment, Receiver<Feedback>) {
         let (sender, feedback) = mpsc::sync_channel(2);
-        let hello = Hello { room: ROOM, camera: "a".into(), width: 16, height: 8, is_live, rate_hz: None };
+        let hello = Hello {
+            room: ROOM,
+            camera: "a".into(),
+            width: 16,
+            height: 8,
+            is_live,
+            rate_hz: None,
+            has_boxes_alone: false,
+        };
         (Enrolment::new(hello, sender), feedback)
     }
 

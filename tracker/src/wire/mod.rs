@@ -40,7 +40,7 @@
 //! // On the camera's machine.
 //! let endpoints = Endpoints { connect: vec!["gatherer:7447".parse().unwrap()], ..Endpoints::default() };
 //! let hello =
-//!     Hello { room, camera: "cam0".into(), width: 640, height: 480, is_live: false, rate_hz: Some(12.0) };
+//!     Hello { room, camera: "cam0".into(), width: 640, height: 480, is_live: false, rate_hz: Some(12.0), has_boxes_alone: false };
 //! let (mut uplink, feedback) = Uplink::open(hello, &endpoints)?;
 //! uplink.wait_for_start(Some(bound), &is_interrupted)?;
 //! while let Some(event) = observe() {
@@ -95,6 +95,8 @@ pub struct Hello {
     pub is_live: bool,
     /// Mean frame rate, frames a second, if the source states it.
     pub rate_hz: Option<f64>,
+    /// Whether a detector's boxes are all that the station observes.
+    pub has_boxes_alone: bool,
 }
 
 /// Stations that a gatherer expects.

@@ -1,4 +1,4 @@
-//! Image tracking of one station: from its foreground mask to sightings, in metres on the floor (Nakazawa et al.,
+//! Image tracking of one station: from its foreground mask, or a detector's boxes, to sightings, in metres on the floor (Nakazawa et al.,
 //! section 3.1).
 //!
 //! The paper fits an upright ellipsoid to the mask of each person. Here the ellipsoids of all people in the image are
@@ -71,7 +71,11 @@ impl ImageTracking {
             let whole = Silhouette::new(&self.view, &person.body.ellipsoid());
             self.sighting(person, &bodies, &whole, part, camera)
         });
-        Ok(Sightings { time_s, people: people.collect(), is_usable: camera.mask.is_some() })
+        Ok(Sightings {
+            time_s,
+            people: people.collect(),
+            is_usable: camera.mask.is_some() || camera.boxes.is_some(),
+        })
     }
 
     /// Uses the station's states of the tracked people as the prediction of the next frame. Image tracks without such a

@@ -11,7 +11,8 @@
 //! 2. A Markov chain proposes changes of one person at a time (ADD, DELETE, UPDATE-P, UPDATE-S) and accepts them by how
 //!    well the simulated masks then fit the observed ones ([`chain`]).
 //! 3. The mean over the last states is the estimate ([`tally`]), which updates the tracks ([`belief`], [`track`]).
-//!    Where boxes are observed, tracks that people exchanged when they met are exchanged back ([`reassociation`]).
+//!    Where boxes are observed, tracks that people exchanged when they met are exchanged back ([`reassociation`]), and
+//!    ids later still ([`encounters`]).
 //!    Confirmed tracks are reported ([`report`]), at once or after fixed-lag smoothing ([`smoother`]).
 //!
 //! Births are modelled and proposed by [`appearance`]: in the zones, anywhere for a while ([`outage`]), and at
@@ -24,9 +25,10 @@ mod births;
 mod boxes;
 mod by_boxes;
 mod chain;
+mod encounters;
 mod evidence;
 mod filled;
-mod learnt_height;
+mod learnt_length;
 mod left_over;
 mod measured;
 mod motion;
@@ -52,12 +54,12 @@ use rand_pcg::Pcg64Mcg;
 
 use self::births::BirthMap;
 use self::boxes::Boxes;
+use self::encounters::{Encounters, REMEMBERED_S};
 use self::left_over::LeftOver;
 pub use self::measured::Measured;
 pub use self::options::{Acceptance, BoxOptions, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::outage::{FORGOTTEN_AFTER_S, OUTAGE_S, Settling};
 use self::person::{Key, Person};
-use self::reassociation::WINDOW_S;
 use self::rescue::Rescue;
 use self::smoother::FixedLagSmoother;
 use self::track::{BirthPhase, Track};
@@ -103,6 +105,7 @@ pub struct Mcmc {
     tracks: Vec<Track>,
     identities: Identities,
     smoother: FixedLagSmoother,
+    encounters: Encounters,
     rng: Pcg64Mcg,
     next_key: Key,
     next_id: u32,
@@ -145,6 +148,7 @@ impl Mcmc {
             tracks: Vec::new(),
             identities: Identities::default(),
             smoother: FixedLagSmoother::default(),
+            encounters: Encounters::default(),
             next_key: 0,
             next_id: 1,
             last_time_s: None,
@@ -264,8 +268,9 @@ impl Method for Mcmc {
         self.reidentify(moment.cameras, moment.time_s);
         let (now, traces) = ((moment.frame, moment.time_s), self.traces());
         if self.observes_boxes_alone() {
-            self.smoother.push(now, self.options.lag_s.max(WINDOW_S), traces, true);
+            self.smoother.push(now, self.options.lag_s.max(REMEMBERED_S), traces, true);
             self.reassociate();
+            self.rename_by_sizes();
             return Ok(self.smoother.latest().map_or_else(Vec::new, |latest| self.confirmed(latest)));
         }
         let confirmed = self.confirmed(&traces);
@@ -336,6 +341,6 @@ mod tests;
 
 /// Test room with two cameras, and masks of people in it.
 #[cfg(test)]
-pub(super) mod test_room {
+pub(crate) mod test_room {
     pub(crate) use super::tests::{empty_room, masks, standing};
 }

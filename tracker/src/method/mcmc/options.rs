@@ -243,7 +243,7 @@ impl McmcOptions {
     ///
     /// Boxes show a person's middle, whose velocity is steadier than that of a silhouette, and they need no distance
     /// between people. The memory of the velocity covers several steps at two moments a second as well as at thirty.
-    /// Within the lag, exchanged tracks are recognised, and it is seen who had come in or left.
+    /// Within the lag, exchanged tracks and ids are recognised, and it is seen who had come in or left.
     /// Chosen on generated crowds of 10 and 15 people, and on wildtrack, which was looked at meanwhile.
     #[must_use]
     pub fn of_boxes() -> Self {
@@ -258,7 +258,7 @@ impl McmcOptions {
             },
             boxes: BoxOptions { alone: true, ..BoxOptions::default() },
             sits_down_per_s: 0.0,
-            lag_s: 3.0,
+            lag_s: 10.0,
             max_people: Self::MOST_BY_BOXES,
             ..Self::default()
         }

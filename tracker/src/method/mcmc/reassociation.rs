@@ -10,7 +10,7 @@
 //!                                 + log p(traits since s | traits until s)
 //! ```
 //!
-//! with the traits of [`exchange_nats`]: the height, and the appearance vectors of a detector that gives them.
+//! with the traits of [`exchange_nats`]: height, width, and the appearance vectors of a detector that gives them.
 //!
 //! It is the switch move of S. Oh, S. Russell, S. Sastry, "Markov chain Monte Carlo data association for multi-target
 //! tracking", IEEE TAC 54(3), 2009, over a sliding window, accepted where it is clearly more probable. The filters of an
@@ -71,6 +71,23 @@ impl<'a> Pair<'a> {
         Self { moments, options }
     }
 
+    /// The pair with these keys from the moment `first` on, for [`WINDOW_S`] seconds or while both are present.
+    fn following(
+        moments: &'a VecDeque<LaggedMoment>,
+        first: usize,
+        keys: [Key; 2],
+        options: &'a McmcOptions,
+    ) -> Self {
+        let from_s = moments.get(first).map_or(0.0, |moment| moment.time_s);
+        let near =
+            moments.range(first.min(moments.len())..).take_while(|moment| moment.time_s <= from_s + WINDOW_S);
+        let both = near.map_while(|moment| {
+            let of = |key: Key| moment.people.iter().find(|trace| trace.key == key);
+            Some((moment.time_s, [of(keys[0])?, of(keys[1])?]))
+        });
+        Self { moments: both.collect(), options }
+    }
+
     /// Continues both tracks after the moment `from` with the other one's measurements, and passes the motions of each
     /// moment to `each`. Returns the sum of the log densities of the measurements.
     fn exchanged(&self, from: usize, mut each: impl FnMut(&[Motion; 2])) -> f64 {
@@ -101,7 +118,7 @@ impl<'a> Pair<'a> {
             }
         }
         let before = self.moments[from].1.map(|head| &head.learnt);
-        let by_traits = exchange_nats(before, since.each_ref(), &self.options.height);
+        let by_traits = exchange_nats(before, since.each_ref(), self.options);
         PLACES_WEIGHT * (self.exchanged(from, |_| ()) - own) + by_traits
     }
 
@@ -122,6 +139,23 @@ impl<'a> Pair<'a> {
         let gains = close.into_iter().rev().step_by(every).map(|from| (from, self.gain(from)));
         gains.max_by(|a, b| a.1.total_cmp(&b.1))
     }
+}
+
+/// Log probability ratio by the places alone, nats, that two tracks exchanged their people after the moment `from`; only of
+/// people who were close then.
+pub(super) fn place_nats(
+    moments: &VecDeque<LaggedMoment>,
+    from: usize,
+    keys: [Key; 2],
+    options: &McmcOptions,
+) -> Option<f64> {
+    let pair = Pair::following(moments, from, keys, options);
+    let [a, b] = pair.moments.first()?.1;
+    if (a.motion.place() - b.motion.place()).norm() >= MET_M {
+        return None;
+    }
+    let own: f64 = pair.moments[1..].iter().flat_map(|(_, both)| both).map(|t| t.motion.log_evidence).sum();
+    Some(PLACES_WEIGHT * (pair.exchanged(0, |_| ()) - own))
 }
 
 /// Exchanges back the tracks of the people who exchanged them; the last moment is the present one.

@@ -13,8 +13,11 @@ use std::collections::VecDeque;
 
 use super::motion::Belief;
 use super::person::Key;
+use super::reassociation::WINDOW_S;
 use super::trace::Trace;
-use crate::PersonEstimate;
+use super::traits::LearntTraits;
+use crate::identity::mean_vector::MeanVector;
+use crate::{PersonEstimate, TrackId};
 
 /// Fixed-lag smoother over the latest moments, oldest first.
 #[derive(Debug, Clone, Default)]
@@ -32,7 +35,12 @@ pub(super) struct LaggedMoment {
     pub(super) people: Vec<Trace>,
     /// Whether a detector's boxes are the only observations: then a moment without a measurement is evidence of absence.
     by_boxes: bool,
+    /// Whether the moment is older than [`WINDOW_S`], and its people's learnt traits and vectors are dropped.
+    is_old: bool,
 }
+
+/// Time over which later moments correct a place, seconds: more of them change nothing.
+const SMOOTHED_S: f64 = 3.0;
 
 impl FixedLagSmoother {
     /// Appends a moment and holds it for `lag_s` seconds; older moments that were never taken are dropped.
@@ -48,7 +56,19 @@ impl FixedLagSmoother {
                 self.moments.pop_front();
             }
         }
-        self.moments.push_back(LaggedMoment { frame, time_s, people, by_boxes });
+        // Later than that, tracks are exchanged by their sizes alone.
+        let first_s = time_s - WINDOW_S - 1e-6;
+        let old = self.moments.iter_mut().rev().skip_while(|moment| moment.time_s >= first_s);
+        for moment in old {
+            if std::mem::replace(&mut moment.is_old, true) {
+                break;
+            }
+            for trace in &mut moment.people {
+                trace.shown.vector = MeanVector::default();
+                trace.learnt = LearntTraits::default();
+            }
+        }
+        self.moments.push_back(LaggedMoment { frame, time_s, people, by_boxes, is_old: false });
     }
 
     /// Exchanges the names of two tracks, which belong to each other's people since they were nearest to each other, from
@@ -70,6 +90,19 @@ impl FixedLagSmoother {
             let (one, other) = (&mut left[*a.min(b)], &mut right[0]);
             std::mem::swap(&mut one.id, &mut other.id);
             std::mem::swap(&mut one.learnt, &mut other.learnt);
+        }
+    }
+
+    /// Exchanges two names in all held moments after a time.
+    pub(super) fn exchange_names_since(&mut self, [a, b]: [TrackId; 2], from_s: f64) {
+        for moment in self.moments.iter_mut().rev().take_while(|moment| moment.time_s > from_s) {
+            for id in moment.people.iter_mut().filter_map(|trace| trace.id.as_mut()) {
+                match *id {
+                    id_of_a if id_of_a == a => *id = b,
+                    id_of_b if id_of_b == b => *id = a,
+                    _ => {}
+                }
+            }
         }
     }
 
@@ -106,8 +139,11 @@ impl FixedLagSmoother {
             // The person had left already: only the prediction went on.
             return None;
         }
-        let mut belief = life.last()?.motion.belief.clone();
-        for pair in life.windows(2).rev() {
+        let until_s = self.moments[at].time_s + SMOOTHED_S + 1e-6;
+        let times = self.moments.range(at..).map(|moment| moment.time_s);
+        let near = life.iter().zip(times).take_while(|(_, time_s)| *time_s <= until_s).count();
+        let mut belief = life.get(near.checked_sub(1)?)?.motion.belief.clone();
+        for pair in life[..near].windows(2).rev() {
             belief = rts_step(pair[0], pair[1], &belief);
         }
         let confidence = if person.id.is_some() { person.confidence } else { named.confidence };
@@ -135,9 +171,8 @@ mod tests {
     use super::super::motion::Motion;
     use super::super::options::MotionOptions;
     use super::super::trace::LASTING_SIGMA_M;
-    use super::super::traits::{LearntTraits, ShownTraits};
+    use super::super::traits::ShownTraits;
     use super::*;
-    use crate::TrackId;
     use approx::assert_relative_eq;
     use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 

@@ -166,7 +166,7 @@ impl Track {
 
     fn take_size(&mut self, shown: &BoxMeasurement) {
         *self.postures.stature_mut() = Size { radius: shown.radius, height: shown.height };
-        self.shown.height = shown.height_seen;
+        (self.shown.height, self.shown.radius) = (shown.height_seen, shown.radius_seen);
     }
 
     /// Adds the vectors of the moment's boxes to the traits it showed, and learns these traits.

@@ -1,7 +1,7 @@
-//! Traits by which people are told apart in a detector's boxes: height, and the appearance vectors of the rows.
+//! Traits by which people are told apart in a detector's boxes: height, width, and the appearance vectors of the rows.
 
-use super::learnt_height::LearntHeight;
-use super::options::Spread;
+use super::learnt_length::{LearntLength, Length};
+use super::options::{McmcOptions, Spread};
 use crate::identity::mean_vector::{MeanVector, log_distance_ratio};
 
 /// Number of boxes to which a mean vector is faded before new ones are added.
@@ -16,21 +16,65 @@ const HALF_KNOWN_BOXES: f64 = 8.0;
 pub(super) struct ShownTraits {
     /// Height; `None` where the boxes did not measure it.
     pub(super) height: Option<Spread>,
+    /// Radius; `None` where the boxes did not measure it.
+    pub(super) radius: Option<Spread>,
     /// Vectors of the boxes that are surely this person's.
     pub(super) vector: MeanVector,
+}
+
+/// Height and radius averaged over moments.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct LearntSize {
+    height: LearntLength,
+    radius: LearntLength,
+}
+
+impl LearntSize {
+    /// Adds the size that one moment showed.
+    pub(super) fn add(&mut self, shown: &ShownTraits) {
+        shown.height.iter().for_each(|height| self.height.add(Length::Height, height));
+        shown.radius.iter().for_each(|radius| self.radius.add(Length::Radius, radius));
+    }
+
+    /// Average over the moments of both.
+    pub(super) fn with(&self, other: &Self) -> Self {
+        Self { height: self.height.with(&other.height), radius: self.radius.with(&other.radius) }
+    }
+
+    /// Average over the moments that are not in `part`.
+    pub(super) fn without(&self, part: &Self) -> Self {
+        Self { height: self.height.without(&part.height), radius: self.radius.without(&part.radius) }
+    }
+
+    /// Log density that this is the size of the person of whom `before` was learnt, among all people.
+    pub(super) fn log_density(&self, before: &Self, options: &McmcOptions) -> f64 {
+        self.height.log_density(Length::Height, &before.height, &options.height)
+            + self.radius.log_density(Length::Radius, &before.radius, &options.radius)
+    }
+}
+
+/// Log probability ratio, nats, that two people exchanged their tracks after they had shown `before`, given the sizes
+/// `since` then.
+pub(super) fn size_exchange_nats(
+    before: [&LearntSize; 2],
+    since: [&LearntSize; 2],
+    options: &McmcOptions,
+) -> f64 {
+    let nats = |tail: usize, head: usize| since[tail].log_density(before[head], options);
+    nats(0, 1) + nats(1, 0) - nats(0, 0) - nats(1, 1)
 }
 
 /// Traits averaged over moments.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LearntTraits {
-    height: LearntHeight,
+    pub(super) size: LearntSize,
     vector: MeanVector,
 }
 
 impl LearntTraits {
     /// Adds the traits of one moment.
     pub(super) fn add(&mut self, shown: &ShownTraits) {
-        shown.height.iter().for_each(|height| self.height.add(height));
+        self.size.add(shown);
         self.vector.add(&shown.vector, REMEMBERED_BOXES);
     }
 
@@ -46,12 +90,16 @@ pub(super) fn vectors_weight(boxes: f64) -> f64 {
 }
 
 /// Log probability ratio, nats, that two people exchanged their tracks after they had shown `before`, given that the
-/// tracks showed `since` afterwards; `heights` is the prior of all people's heights.
-pub(super) fn exchange_nats(before: [&LearntTraits; 2], since: [&LearntTraits; 2], heights: &Spread) -> f64 {
-    let height = |tail: usize, head: usize| since[tail].height.log_density(&before[head].height, heights);
-    let by_heights = height(0, 1) + height(1, 0) - height(0, 0) - height(1, 1);
+/// tracks showed `since` afterwards.
+pub(super) fn exchange_nats(
+    before: [&LearntTraits; 2],
+    since: [&LearntTraits; 2],
+    options: &McmcOptions,
+) -> f64 {
+    let by_sizes =
+        size_exchange_nats(before.map(|traits| &traits.size), since.map(|traits| &traits.size), options);
     let [before, since] = [before, since].map(|pair| pair.map(|traits| &traits.vector));
     let fewest = before.iter().chain(&since).map(|vector| vector.boxes()).fold(f64::INFINITY, f64::min);
     let weight = vectors_weight(fewest);
-    if weight > 0.0 { by_heights + weight * log_distance_ratio(before, since) } else { by_heights }
+    if weight > 0.0 { by_sizes + weight * log_distance_ratio(before, since) } else { by_sizes }
 }

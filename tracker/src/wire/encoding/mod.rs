@@ -6,7 +6,7 @@
 //!
 //! | kind | from | body |
 //! |---|---|---|
-//! | 1 hello | station | 16 bytes of [`Fingerprint`]; text: camera (≤ 256 bytes); varints: working width and height; byte: 1 live, 2 with a rate; a number where there is a rate: Hz |
+//! | 1 hello | station | 16 bytes of [`Fingerprint`]; text: camera (≤ 256 bytes); varints: working width and height; byte: 1 live, 2 with a rate, 4 boxes alone; a number where there is a rate: Hz |
 //! | 2 seen | station | below |
 //! | 3 end | station | – |
 //! | 4 failure | station | text: one line (≤ 1 KiB) |
@@ -18,8 +18,8 @@
 //!
 //! **Seen.** Varint: sequence. Number: capture time, seconds. Byte: health, 0 usable, 1 frozen, 2 dark, 3 all
 //! foreground, 4 learning, 5 lost, 6 between, 7 silent, 8 other shape. Varints: nanoseconds of decoding, and of
-//! foreground. Byte of flags: 1 with a mask, 2 with colours (only with a mask), 4 with the filmed picture. With a mask:
-//! varints width and height, which must be the working size. With colours: a byte, the step. With a mask: a byte of
+//! foreground. Byte of flags: 1 with a mask, 2 with colours (only with a mask), 4 with the filmed picture, 8 with boxes.
+//! With a mask: varints width and height, which must be the working size. With colours: a byte, the step. With a mask: a byte of
 //! form, and a block:
 //!
 //! * form 0, *packed*: the mask's rows, each ⌈width / 8⌉ bytes, bit 0 of a row's first byte its leftmost pixel; then
@@ -28,8 +28,12 @@
 //!   coder.
 //!
 //! An encoder takes the shorter form, so that no mask makes a message longer than its limit. With the filmed picture:
-//! a block, a JPEG file of at most 4096 × 4096 pixels. Everything but that picture is lossless.
+//! a block, a JPEG file of at most 4096 × 4096 pixels. With boxes: a varint, their number (≤ 1024); for each four numbers:
+//! left, top, right and lower edge; a byte: 1, 2, 4, 8 for an edge (in that order) that the image's border cuts, 16 with an
+//! appearance vector; with one, a varint of its length (≤ 4096) and so many IEEE 754 numbers of 4 bytes, lowest first.
+//! Everything but the picture is lossless.
 
+mod boxes;
 pub(super) mod bytes;
 mod image_body;
 mod outline;
@@ -102,7 +106,7 @@ impl Limits {
     pub fn longest_message(self) -> usize {
         let packed =
             image_body::packed_bytes(self.width, self.height, self.width as usize * self.height as usize);
-        packed + LONGEST_PICTURE + LONGEST_LINE + 64
+        packed + LONGEST_PICTURE + boxes::LONGEST_BOXES + LONGEST_LINE + 64
     }
 }
 
@@ -175,7 +179,11 @@ fn put_hello(out: &mut Vec<u8>, hello: &Hello) -> Decoded<()> {
     put_text(out, &hello.camera, LONGEST_NAME);
     put_varint(out, hello.width.into());
     put_varint(out, hello.height.into());
-    out.push(u8::from(hello.is_live) | u8::from(hello.rate_hz.is_some()) << 1);
+    out.push(
+        u8::from(hello.is_live)
+            | u8::from(hello.rate_hz.is_some()) << 1
+            | u8::from(hello.has_boxes_alone) << 2,
+    );
     if let Some(rate_hz) = hello.rate_hz {
         put_f64(out, rate_hz);
     }
@@ -188,11 +196,12 @@ fn hello(reader: &mut Reader<'_>) -> Decoded<Hello> {
     let camera = reader.text(LONGEST_NAME)?;
     let (width, height) = (reader.size(LARGEST_SIDE)?, reader.size(LARGEST_SIDE)?);
     let flags = reader.byte()?;
-    if flags > 3 {
+    if flags > 7 {
         return Err(Malformed("the hello has an unknown flag"));
     }
     let rate_hz = if flags & 2 == 0 { None } else { Some(reader.finite()?).filter(|rate| *rate > 0.0) };
-    Ok(Hello { room: Fingerprint(room), camera, width, height, is_live: flags & 1 == 1, rate_hz })
+    let (is_live, has_boxes_alone) = (flags & 1 == 1, flags & 4 == 4);
+    Ok(Hello { room: Fingerprint(room), camera, width, height, is_live, rate_hz, has_boxes_alone })
 }
 
 fn put_feedback(out: &mut Vec<u8>, feedback: &Feedback) -> Decoded<()> {
@@ -224,15 +233,13 @@ fn feedback(reader: &mut Reader<'_>) -> Decoded<Feedback> {
 const WITH_MASK: u8 = 1;
 const WITH_COLOURS: u8 = 2;
 const WITH_FILMED: u8 = 4;
+const WITH_BOXES: u8 = 8;
 
 fn put_seen(out: &mut Vec<u8>, seen: &ObservedFrame) -> Decoded<()> {
     let observation = &seen.observation;
     let (mask, colours) = (observation.mask.as_ref(), observation.colours.as_ref());
     if !observation.time_s.is_finite() {
         return Err(Malformed("an observation's time is not finite"));
-    }
-    if observation.boxes.is_some() {
-        return Err(Malformed("an observation has boxes, which do not travel"));
     }
     put_varint(out, observation.sequence);
     put_f64(out, observation.time_s);
@@ -245,7 +252,8 @@ fn put_seen(out: &mut Vec<u8>, seen: &ObservedFrame) -> Decoded<()> {
     out.push(
         flag(mask.is_some(), WITH_MASK)
             | flag(colours.is_some(), WITH_COLOURS)
-            | flag(filmed.is_some(), WITH_FILMED),
+            | flag(filmed.is_some(), WITH_FILMED)
+            | flag(observation.boxes.is_some(), WITH_BOXES),
     );
     match mask {
         Some(mask) => image_body::put_mask(out, mask, colours)?,
@@ -259,7 +267,7 @@ fn put_seen(out: &mut Vec<u8>, seen: &ObservedFrame) -> Decoded<()> {
         }
         put_block(out, &jpeg);
     }
-    Ok(())
+    observation.boxes.as_ref().map_or(Ok(()), |found| boxes::put_boxes(out, found))
 }
 
 fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<ObservedFrame> {
@@ -268,7 +276,7 @@ fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<ObservedFrame> {
     let [decode, foreground] = [reader.varint()?, reader.varint()?].map(Duration::from_nanos);
     let flags = reader.byte()?;
     let has = |flag: u8| flags & flag != 0;
-    if flags > (WITH_MASK | WITH_COLOURS | WITH_FILMED) || has(WITH_COLOURS) && !has(WITH_MASK) {
+    if flags > (WITH_MASK | WITH_COLOURS | WITH_FILMED | WITH_BOXES) || has(WITH_COLOURS) && !has(WITH_MASK) {
         return Err(Malformed("an observation has an unknown flag"));
     }
     let (mask, colours) = if has(WITH_MASK) {
@@ -282,7 +290,8 @@ fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<ObservedFrame> {
     } else {
         None
     };
-    let observation = Observation { sequence, time_s, health, mask, colours, boxes: None };
+    let boxes = if has(WITH_BOXES) { Some(boxes::boxes(reader)?) } else { None };
+    let observation = Observation { sequence, time_s, health, mask, colours, boxes };
     Ok(ObservedFrame { observation, pictures: Pictures { pinhole: None, filmed }, decode, foreground })
 }
 

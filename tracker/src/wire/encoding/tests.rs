@@ -13,7 +13,7 @@ use rand_pcg::Pcg64Mcg;
 use super::*;
 use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, InitialBackground};
-use crate::observation::{Colours, Mask};
+use crate::observation::{Colours, Mask, PersonBox};
 
 const HEALTHS: [Verdict; 10] = [
     Verdict::Moved,
@@ -54,12 +54,19 @@ fn noise(seed: u64, width: u32, height: u32, grain: u32, step: u8) -> ObservedFr
             health: HEALTHS[rng.random_range(0..HEALTHS.len())],
             colours: (step > 0).then(|| Colours::of_picture(&mask, step, &picture)),
             mask: Some(mask),
-            boxes: None,
+            boxes: rng.random_bool(0.5).then(|| (0..seed % 4).map(|i| person_box(&mut rng, i)).collect()),
         },
         pictures: Pictures::default(),
         decode: Duration::from_nanos(rng.random_range(0..1 << 40)),
         foreground: Duration::from_nanos(rng.random_range(0..1 << 30)),
     }
+}
+
+/// A box with random edges and cuts, and a vector of so many values.
+fn person_box(rng: &mut Pcg64Mcg, values: u64) -> PersonBox {
+    let [left, top, right, bottom] = [(); 4].map(|()| rng.random_range(-1e3..1e3));
+    let appearance = (values > 0).then(|| (0..values).map(|_| rng.random_range(-1.0_f32..1.0)).collect());
+    PersonBox { left, top, right, bottom, cut: rng.random(), appearance }
 }
 
 proptest! {
@@ -92,11 +99,11 @@ proptest! {
 
     #[test]
     fn small_messages_return(
-        camera in "[^\\p{Cc}]{0,60}", size in (1_u32..=LARGEST_SIDE, 1_u32..=LARGEST_SIDE), is_live in any::<bool>(),
+        camera in "[^\\p{Cc}]{0,60}", size in (1_u32..=LARGEST_SIDE, 1_u32..=LARGEST_SIDE), [is_live, has_boxes_alone] in any::<[bool; 2]>(),
         rate_hz in prop::option::of(0.1..240.0), sequence in any::<u64>(), bodies in prop::collection::vec(any::<[i32; 4]>(), 0..9),
     ) {
         let room = Fingerprint([7; Fingerprint::BYTES]);
-        let hello = Hello { room, camera, width: size.0, height: size.1, is_live, rate_hz };
+        let hello = Hello { room, camera, width: size.0, height: size.1, is_live, rate_hz, has_boxes_alone };
         let bytes = Message::Hello(hello.clone()).encode()?;
         match Message::decode(&bytes, Limits::NO_MASK)? {
             Message::Hello(again) => prop_assert_eq!(again, hello),
@@ -155,6 +162,13 @@ fn undecodable_messages_are_not_encoded() {
     refused(&|seen| seen.observation.mask = None);
     refused(&|seen| seen.observation.colours.clone_from(&other));
     refused(&|seen| seen.pictures.filmed = Some(Arc::new(RgbImage::new(4097, 1))));
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let endless = PersonBox { left: f64::NAN, ..person_box(&mut rng, 0) };
+    let many = vec![person_box(&mut rng, 0); 1025];
+    let long = person_box(&mut rng, 4097);
+    for boxes in [vec![endless], many, vec![long]] {
+        refused(&|seen| seen.observation.boxes = Some(boxes.clone()));
+    }
     let hello = Hello {
         room: Fingerprint([0; Fingerprint::BYTES]),
         camera: "a".repeat(LONGEST_NAME + 1),
@@ -162,6 +176,7 @@ fn undecodable_messages_are_not_encoded() {
         height: 1,
         is_live: true,
         rate_hz: None,
+        has_boxes_alone: false,
     };
     Message::Hello(hello).encode().unwrap_err();
 }

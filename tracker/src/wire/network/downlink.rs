@@ -99,6 +99,7 @@ impl Downlink {
                 name,
                 is_live: hello.is_none_or(|hello| hello.is_live),
                 rate_hz: hello.and_then(|hello| hello.rate_hz),
+                has_boxes_alone: hello.is_some_and(|hello| hello.has_boxes_alone),
                 feedback: Box::new(move |message| {
                     drop(feedback.send(DownlinkInput::Feedback(camera, message)));
                 }),

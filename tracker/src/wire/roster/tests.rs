@@ -17,7 +17,15 @@ struct TimedRoster {
 }
 
 fn hello(camera: &str, is_live: bool) -> Hello {
-    Hello { room: ROOM, camera: camera.into(), width: 16, height: 8, is_live, rate_hz: Some(12.0) }
+    Hello {
+        room: ROOM,
+        camera: camera.into(),
+        width: 16,
+        height: 8,
+        is_live,
+        rate_hz: Some(12.0),
+        has_boxes_alone: false,
+    }
 }
 
 impl TimedRoster {

@@ -13,8 +13,8 @@ use crate::silhouette::Body;
 
 /// Standard deviation of the search around the mean of the states, metres: too wide to inform the place.
 const LOOKED_FOR_M: f64 = 3.0;
-/// Largest standard deviation of a measured height, metres.
-const WIDEST_HEIGHT_M: f64 = 0.3;
+/// Largest standard deviation of a measured height or radius, metres.
+const WIDEST_M: f64 = 0.3;
 /// Least probability with which a box is associated with a person.
 const LEAST_MATCH: f64 = 0.3;
 
@@ -31,6 +31,8 @@ pub(in super::super) struct BoxMeasurement {
     pub(in super::super) height: Spread,
     /// Height without its prior; `None` where the boxes hardly measure it.
     pub(in super::super) height_seen: Option<Spread>,
+    /// Radius without its prior; `None` where the boxes hardly measure it.
+    pub(in super::super) radius_seen: Option<Spread>,
 }
 
 impl Boxes {
@@ -67,16 +69,16 @@ impl Boxes {
                 radius: spread(2),
                 height: spread(3),
                 height_seen: without_prior(&spread(3), height),
+                radius_seen: without_prior(&spread(2), radius),
             })
         };
         people.iter().enumerate().map(of_one).collect()
     }
 }
 
-/// Measurement behind an estimate that combines it with a prior; `None` where it is wider than [`WIDEST_HEIGHT_M`].
+/// Measurement behind an estimate that combines it with a prior; `None` where it is wider than [`WIDEST_M`].
 fn without_prior(combined: &Spread, prior: &Spread) -> Option<Spread> {
     let precision = combined.sigma_m.powi(-2) - prior.sigma_m.powi(-2);
     let sum = combined.mean_m * combined.sigma_m.powi(-2) - prior.mean_m * prior.sigma_m.powi(-2);
-    (precision > WIDEST_HEIGHT_M.powi(-2))
-        .then(|| Spread { mean_m: sum / precision, sigma_m: precision.powf(-0.5) })
+    (precision > WIDEST_M.powi(-2)).then(|| Spread { mean_m: sum / precision, sigma_m: precision.powf(-0.5) })
 }

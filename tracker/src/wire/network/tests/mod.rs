@@ -37,7 +37,15 @@ fn connecting(address: &str) -> Endpoints {
 
 fn hello(camera: &str, is_live: bool) -> Hello {
     let rate_hz = (camera == "cam0").then_some(12.5);
-    Hello { room: ROOM, camera: camera.into(), width: SIZE.0, height: SIZE.1, is_live, rate_hz }
+    Hello {
+        room: ROOM,
+        camera: camera.into(),
+        width: SIZE.0,
+        height: SIZE.1,
+        is_live,
+        rate_hz,
+        has_boxes_alone: false,
+    }
 }
 
 fn expected(cameras: &[&str]) -> ExpectedStations {

@@ -1,0 +1,115 @@
+//! Height or radius of a person, averaged over all moments in which a detector's boxes measured it.
+
+use super::options::Spread;
+
+/// Length of a person's body that is averaged over moments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Length {
+    /// Height of a walking person.
+    Height,
+    /// Half of the width that the cameras see.
+    Radius,
+}
+
+impl Length {
+    /// Standard deviation of the length shown by one moment, beyond that of the boxes, metres: gait, posture and the side
+    /// that is seen.
+    fn pose_sigma_m(self) -> f64 {
+        match self {
+            Self::Height | Self::Radius => 0.02,
+        }
+    }
+
+    /// Standard deviation of an average over many moments, metres: the cameras' errors last, and so does the side that a
+    /// walking person shows.
+    fn lasting_sigma_m(self) -> f64 {
+        match self {
+            Self::Height => 0.007,
+            Self::Radius => 0.01,
+        }
+    }
+}
+
+/// Weighted sum of measured lengths.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct LearntLength {
+    /// Sum of the weights, 1/m².
+    weight: f64,
+    /// Sum of the weighted lengths, 1/m.
+    sum: f64,
+}
+
+impl LearntLength {
+    /// Adds the length measured by one moment.
+    pub(super) fn add(&mut self, length: Length, seen: &Spread) {
+        let weight = 1.0 / (seen.sigma_m.powi(2) + length.pose_sigma_m().powi(2));
+        self.weight += weight;
+        self.sum += weight * seen.mean_m;
+    }
+
+    /// Sum over the moments of both.
+    pub(super) fn with(&self, other: &Self) -> Self {
+        Self { weight: self.weight + other.weight, sum: self.sum + other.sum }
+    }
+
+    /// Sum over the moments that are not in `part`.
+    pub(super) fn without(&self, part: &Self) -> Self {
+        let weight = self.weight - part.weight;
+        // What is left of equal sums is rounding.
+        if weight <= 1e-9 * self.weight { Self::default() } else { Self { weight, sum: self.sum - part.sum } }
+    }
+
+    /// Average length, with its standard deviation; `None` before the first measurement.
+    fn average(&self, length: Length) -> Option<Spread> {
+        let sigma_m = || (1.0 / self.weight + length.lasting_sigma_m().powi(2)).sqrt();
+        (self.weight > 0.0).then(|| Spread { mean_m: self.sum / self.weight, sigma_m: sigma_m() })
+    }
+
+    /// Log density that these are lengths of the person of whom `before` was learnt; `prior` is that of all people.
+    pub(super) fn log_density(&self, length: Length, before: &Self, prior: &Spread) -> f64 {
+        let Some(seen) = self.average(length) else { return 0.0 };
+        let expected = before.average(length).map_or(*prior, |learnt| {
+            let weight = learnt.sigma_m.powi(-2) + prior.sigma_m.powi(-2);
+            let sum = learnt.mean_m * learnt.sigma_m.powi(-2) + prior.mean_m * prior.sigma_m.powi(-2);
+            Spread { mean_m: sum / weight, sigma_m: weight.powf(-0.5) }
+        });
+        Spread { sigma_m: expected.sigma_m.hypot(seen.sigma_m), ..expected }.log_density(seen.mean_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    const PRIOR: Spread = Spread { mean_m: 1.7, sigma_m: 0.1 };
+
+    fn of(heights_m: &[f64]) -> LearntLength {
+        let mut learnt = LearntLength::default();
+        for mean_m in heights_m {
+            learnt.add(Length::Height, &Spread { mean_m: *mean_m, sigma_m: 0.03 });
+        }
+        learnt
+    }
+
+    #[test]
+    fn a_part_can_be_taken_out_of_a_sum() {
+        let (before, since) = (of(&[1.8, 1.82, 1.79]), of(&[1.6, 1.61]));
+        let left = before.with(&since).without(&since);
+        assert_relative_eq!(left.weight, before.weight, max_relative = 1e-9);
+        assert_relative_eq!(left.sum, before.sum, max_relative = 1e-9);
+        assert_eq!(since.without(&since), LearntLength::default());
+    }
+
+    #[test]
+    fn more_moments_tell_people_apart_better() {
+        let own = of(&[1.75; 40]);
+        let nats = |moments: usize| {
+            let seen = of(&vec![1.75; moments]);
+            seen.log_density(Length::Height, &own, &PRIOR)
+                - seen.log_density(Length::Height, &of(&[1.69; 40]), &PRIOR)
+        };
+        assert!(nats(1) > 0.5 && nats(10) > 2.0 * nats(1), "{} {}", nats(1), nats(10));
+        assert_relative_eq!(LearntLength::default().log_density(Length::Height, &own, &PRIOR), 0.0);
+    }
+}
