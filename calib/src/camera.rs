@@ -98,8 +98,9 @@ impl Intrinsics {
         }
         let lens =
             [self.fx, self.fy, self.cx, self.cy].map(|value| ("a number of the matrix", value, LENS_PX));
-        let coefficients = <[f64; 5]>::from(self.distortion);
-        let distortion = coefficients.map(|value| ("a distortion coefficient", value, DISTORTION));
+        let coefficients = self.distortion.coefficients();
+        let distortion =
+            coefficients.into_iter().map(|value| ("a distortion coefficient", value, DISTORTION));
         for (name, value, range) in lens.into_iter().chain(distortion) {
             if let Some(problem) = range.defect(value) {
                 return Err(Error::Invalid(format!("{name} {problem}")));
@@ -235,7 +236,7 @@ mod tests {
             fy: 425.0,
             cx: 321.5,
             cy: 236.0,
-            distortion: Distortion { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.002, k3: 0.0 },
+            distortion: [-0.2, 0.05, 0.001, -0.002, 0.0].into(),
         }
     }
 

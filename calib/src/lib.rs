@@ -4,7 +4,7 @@
 //! people.
 //!
 //! * [`Camera`] — a camera's pose ([`nalgebra::Isometry3`], `camera_from_world`) and its mapping of
-//!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
+//!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`] by one of three models). Start here.
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
 //! * [`least_squares`] — damped nonlinear least squares: the trait of a problem, and the one loop that minimises it.
 //! * [`resection`] — a camera's pose, and its lens where that is unknown, from known points and their pixels.
@@ -27,6 +27,7 @@
 #![forbid(unsafe_code)]
 
 pub mod absolute_orientation;
+mod board_adjustment;
 mod camera;
 #[cfg(feature = "vision")]
 pub mod cli;
@@ -49,5 +50,5 @@ pub mod video;
 pub mod vision;
 
 pub use camera::{Camera, Intrinsics};
-pub use distortion::Distortion;
+pub use distortion::{BrownConrady, Distortion, Fisheye, LensModel, Rational};
 pub use error::{Error, Result};

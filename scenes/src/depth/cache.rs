@@ -122,7 +122,7 @@ mod tests {
             confidence: 1.0,
         };
         let mut intrinsics = Intrinsics::from_horizontal_fov(64, 48, 80.0);
-        intrinsics.distortion.k1 = -0.2;
+        intrinsics.distortion = [-0.2, 0.0, 0.0, 0.0, 0.0].into();
         let camera = Camera { intrinsics, camera_from_world: Isometry3::identity() };
         let camera = |name: &str| RoomCamera { name: name.into(), camera: camera.clone(), reference: None };
         Room {

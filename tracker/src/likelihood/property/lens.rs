@@ -52,19 +52,25 @@ impl FilmLens {
     }
 }
 
+fn five_numbers(d: &Distortion) -> [f64; 5] {
+    <[f64; 5]>::try_from(d.coefficients()).unwrap()
+}
+
 fn bend(d: &Distortion, p: &Vector2<f64>) -> Vector2<f64> {
+    let [k1, k2, p1, p2, k3] = five_numbers(d);
     let (x, y, r2) = (p.x, p.y, p.norm_squared());
-    let radial = 1.0 + d.k1 * r2 + d.k2 * r2.powi(2) + d.k3 * r2.powi(3);
+    let radial = 1.0 + k1 * r2 + k2 * r2.powi(2) + k3 * r2.powi(3);
     Vector2::new(
-        x * radial + 2.0 * d.p1 * x * y + d.p2 * (r2 + 2.0 * x * x),
-        y * radial + d.p1 * (r2 + 2.0 * y * y) + 2.0 * d.p2 * x * y,
+        x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+        y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
     )
 }
 
 /// Radius from which on the radial part decreases, found by stepping outwards.
 fn fold(d: &Distortion) -> f64 {
     const STEP: f64 = 1e-4;
-    let grows = |r: f64| 1.0 + 3.0 * d.k1 * r.powi(2) + 5.0 * d.k2 * r.powi(4) + 7.0 * d.k3 * r.powi(6) > 0.0;
+    let [k1, k2, _, _, k3] = five_numbers(d);
+    let grows = |r: f64| 1.0 + 3.0 * k1 * r.powi(2) + 5.0 * k2 * r.powi(4) + 7.0 * k3 * r.powi(6) > 0.0;
     let Some(last) = (0..40_000).map(|i| f64::from(i) * STEP).find(|r| !grows(r + STEP)) else {
         return f64::INFINITY;
     };

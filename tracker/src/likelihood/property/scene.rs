@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use calib::{Camera, Distortion, Intrinsics};
+use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use rand::RngExt;
@@ -223,13 +223,14 @@ fn random_camera(has_lens: bool, rng: &mut Pcg64Mcg) -> Camera {
     intrinsics.cx += rng.random_range(-0.1..0.1) * f64::from(width);
     intrinsics.cy += rng.random_range(-0.1..0.1) * f64::from(height);
     if has_lens {
-        intrinsics.distortion = Distortion {
-            k1: rng.random_range(-0.4..0.25),
-            k2: rng.random_range(-0.1..0.15),
-            p1: rng.random_range(-0.01..0.01),
-            p2: rng.random_range(-0.01..0.01),
-            k3: rng.random_range(-0.02..0.02),
-        };
+        intrinsics.distortion = [
+            rng.random_range(-0.4..0.25),
+            rng.random_range(-0.1..0.15),
+            rng.random_range(-0.01..0.01),
+            rng.random_range(-0.01..0.01),
+            rng.random_range(-0.02..0.02),
+        ]
+        .into();
     }
     let eye = Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.3..3.0));
     let aim = Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.0..2.0));
