@@ -114,12 +114,6 @@ impl Intrinsics {
         Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
     }
 
-    /// The same camera without distortion: the image that [`crate::undistort`] makes of this one's.
-    #[must_use]
-    pub fn pinhole(&self) -> Self {
-        Self { distortion: Distortion::NONE, ..self.clone() }
-    }
-
     /// The camera of the image scaled to `width` × `height`; pixel centres stay where they belong.
     #[must_use]
     pub fn resized(&self, width: u32, height: u32) -> Self {

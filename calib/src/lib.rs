@@ -12,7 +12,7 @@
 //! * [`picture`] — pictures in files: photographs upright, drawings replaced in one step.
 //! * [`photograph`] — the lens stated by a photograph's EXIF block.
 //! * [`ray_uncertainty`] — standard deviation of a calibrated camera's rays, over its picture.
-//! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
+//! * [`undistort`] — lookup maps between a distorted image and its pinhole twin ([`Intrinsics::pinhole`]).
 //! * [`vision`] — the only module that calls OpenCV: optical flow, background models, chessboards.
 //! * [`video`] — the only module that calls FFmpeg: frames in, films out. The rest of the crate builds and tests
 //!   without these two (feature `vision`).
@@ -38,6 +38,7 @@ pub mod files;
 pub mod least_squares;
 pub mod photograph;
 pub mod picture;
+mod pinhole_twin;
 pub mod ray_uncertainty;
 #[cfg(feature = "vision")]
 pub mod relocation;

@@ -186,12 +186,12 @@ mod tests {
         let size = LENS + 6 * views.len();
         let mut changes = Vec::new();
         for _ in 0..60 {
-            let mut matrix = nalgebra::DMatrix::<f64>::zeros(size, size);
+            let mut matrix = DMatrix::<f64>::zeros(size, size);
             let mut right = nalgebra::DVector::<f64>::zeros(size);
             for (v, view) in views.iter().enumerate() {
                 for (corner, _) in &view.corners {
                     let at = view.camera_from_board * corner;
-                    let mut row = nalgebra::DMatrix::<f64>::zeros(2, size);
+                    let mut row = DMatrix::<f64>::zeros(2, size);
                     row.view_mut((0, 0), (2, LENS)).copy_from(&lens_jacobian(&k, &at));
                     row.view_mut((0, LENS + 6 * v), (2, 6))
                         .copy_from(&(k.project_jacobian(&at) * by_pose(&at)));

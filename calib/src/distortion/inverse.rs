@@ -30,6 +30,29 @@ pub(super) trait PlaneMap {
         // Lenses that pull far outwards before they fold can make Newton's full steps oscillate about the root.
         self.newton(distorted, start, limit)
             .or_else(|| self.newton(distorted, self.radial_inverse(distorted, limit), limit))
+            .or_else(|| self.damped(distorted, self.radial_inverse(distorted, limit), limit))
+    }
+
+    /// Newton's method with steps that are halved until they come nearer: for lenses so flat far out that full steps go
+    /// far beyond.
+    fn damped(&self, distorted: Vector2<f64>, start: Vector2<f64>, limit: f64) -> Option<Vector2<f64>> {
+        const HALVINGS: usize = 30;
+        let off = |p: Vector2<f64>| (self.distort(p) - distorted).norm();
+        let mut p = start;
+        for _ in 0..MAX_NEWTON_STEPS {
+            let error = off(p);
+            if error < NEWTON_TOLERANCE {
+                return Some(p);
+            }
+            let mut step = self.jacobian(p).try_inverse()? * (self.distort(p) - distorted);
+            let nearer = (0..HALVINGS).find_map(|_| {
+                let next = p - step;
+                step *= 0.5;
+                (next.norm() <= limit && off(next) < error).then_some(next)
+            });
+            p = nearer?;
+        }
+        None
     }
 
     /// Newton's method from a start.

@@ -67,7 +67,7 @@ proptest! {
 fn a_lens_round_trips_over_its_picture() {
     let lenses = [
         lens(LensModel::BrownConrady, &[-0.1, 0.02, 1e-3, -1e-3, 0.0]),
-        lens(LensModel::Rational, &[0.2, 0.05, 1e-3, -1e-3, 0.001, 0.45, 0.12, 0.01]),
+        lens(LensModel::Rational, &[0.1, 0.01, 1e-3, -1e-3, 0.0, 0.3, 0.03, 0.0]),
         lens(LensModel::Fisheye, &[-0.02, 0.005, -0.002, 0.0003]),
     ];
     for k in lenses {

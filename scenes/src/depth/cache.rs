@@ -37,8 +37,11 @@ pub fn cached_all(room_dir: &Path, room: &Room) -> Result<Vec<DepthMap>> {
 fn of_cameras(room_dir: &Path, geometry: Option<&Geometry>, cameras: &[RoomCamera]) -> Result<Vec<DepthMap>> {
     let pinhole = |c: &RoomCamera| Camera { intrinsics: c.camera.intrinsics.pinhole(), ..c.camera.clone() };
     let Some(geometry) = geometry else {
-        let size = |c: &RoomCamera| DepthMap::nothing(c.camera.intrinsics.width, c.camera.intrinsics.height);
-        return Ok(cameras.iter().map(size).collect());
+        let nothing = |c: &RoomCamera| {
+            let twin = c.camera.intrinsics.pinhole();
+            DepthMap::nothing(twin.width, twin.height)
+        };
+        return Ok(cameras.iter().map(nothing).collect());
     };
     let shape = geometry.shape_hash();
     let mut scene = None;

@@ -13,6 +13,7 @@ const NEAR_FOLD: f64 = 0.98;
 /// Filmed image of a camera, as seen from its pinhole twin.
 pub(super) struct FilmLens {
     intrinsics: Intrinsics,
+    twin: Intrinsics,
     fold: f64,
 }
 
@@ -27,15 +28,16 @@ pub(super) struct FilmedPlace {
 }
 
 impl FilmLens {
-    pub(super) fn new(intrinsics: &Intrinsics) -> Self {
-        Self { intrinsics: intrinsics.clone(), fold: fold(&intrinsics.distortion) }
+    pub(super) fn new(intrinsics: &Intrinsics, twin: &Intrinsics) -> Self {
+        Self { intrinsics: intrinsics.clone(), twin: twin.clone(), fold: fold(&intrinsics.distortion) }
     }
 
     /// Filmed place of a point in the twin's image. Its ray is computed through the lens; where the film shows nothing,
     /// through the twin.
     pub(super) fn of(&self, twin: &Point2<f64>) -> FilmedPlace {
         let k = &self.intrinsics;
-        let straight = Vector2::new((twin.x - k.cx) / k.fx, (twin.y - k.cy) / k.fy);
+        let t = &self.twin;
+        let straight = Vector2::new((twin.x - t.cx) / t.fx, (twin.y - t.cy) / t.fy);
         let bent = bend(&k.distortion, &straight);
         let place = Point2::new(k.cx + k.fx * bent.x, k.cy + k.fy * bent.y);
         let radius = straight.norm() / self.fold;

@@ -60,7 +60,7 @@ impl TestScene {
         let mut camera = PreparedRoom::prepare(&model, nowhere, &PreparationOptions::default()).unwrap();
         let camera = camera.cameras.remove(0);
         let view = View::coarse(&camera, block);
-        let lens = FilmLens::new(&camera.real.intrinsics);
+        let lens = FilmLens::new(&camera.real.intrinsics, &camera.pinhole.intrinsics);
         let mut scene = Self { room, lens, camera, view, traced_pixels: Vec::new() };
         scene.traced_pixels = scene.pixels().map(|(u, v)| scene.traced(u, v)).collect();
         scene
@@ -72,9 +72,9 @@ impl TestScene {
         (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)))
     }
 
-    /// Width and height of the view, from the filmed size.
+    /// Width and height of the view, from the twin's size.
     pub(super) fn size(&self) -> [i32; 2] {
-        let k = &self.camera.real.intrinsics;
+        let k = &self.camera.pinhole.intrinsics;
         [k.width, k.height].map(|size| size.div_ceil(u32::from(self.view.block)) as i32)
     }
 
@@ -99,7 +99,7 @@ impl TestScene {
     /// its middle.
     fn traced(&self, u: i32, v: i32) -> TracedPixel {
         let block = i32::from(self.view.block);
-        let k = &self.camera.real.intrinsics;
+        let k = &self.camera.pinhole.intrinsics;
         let at = |i: i32, size: u32| f64::from((i * block + block / 2).min(size as i32 - 1));
         let pixel = self.lens.of(&Point2::new(at(u, k.width), at(v, k.height)));
         let room_ray = self.to_world(&pixel.ray);
@@ -113,7 +113,7 @@ impl TestScene {
 
     /// Foreground of the view as in the tracker, and, pixel by pixel, by the film.
     pub(super) fn foreground(&self, film: &GrayImage) -> (Vec<u64>, Vec<Option<bool>>) {
-        let mut twin = GrayImage::new(film.width(), film.height());
+        let mut twin = GrayImage::new(self.camera.width(), self.camera.height());
         self.camera.undistort.mask(film, &mut twin);
         let by_film = self.pixels().map(|(u, v)| self.is_foreground(film, u, v)).collect();
         (pack(&Mask::from(&twin), &self.view), by_film)
@@ -244,7 +244,8 @@ fn random_camera(has_lens: bool, rng: &mut Pcg64Mcg) -> Camera {
 
 /// A film without structure, so that every pixel counts.
 pub(super) fn random_film(camera: &PreparedCamera, rng: &mut Pcg64Mcg) -> GrayImage {
-    GrayImage::from_fn(camera.width(), camera.height(), |u, v| {
+    let (width, height) = camera.real_size();
+    GrayImage::from_fn(width, height, |u, v| {
         Luma([if (u / 9 + v / 7) % 3 == 0 || rng.random::<f32>() < 0.1 { 255 } else { 0 }])
     })
 }
