@@ -93,7 +93,7 @@ impl BrownConrady {
     }
 
     /// Factors of the derivatives by k1, `p a`, and by k2, `p a b`.
-    pub(super) fn leading_factors(&self, p: Vector2<f64>) -> [f64; 2] {
+    pub(super) fn leading_factors(p: Vector2<f64>) -> [f64; 2] {
         [p.norm_squared(); 2]
     }
 

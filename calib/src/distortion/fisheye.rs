@@ -52,7 +52,7 @@ impl Fisheye {
         self.numbers
     }
 
-    /// θ_d of an angle θ, and its derivative.
+    /// `θ_d` of an angle θ, and its derivative.
     fn bent(&self, theta: f64) -> (f64, f64) {
         let [k1, k2, k3, k4] = self.numbers;
         let t = theta * theta;
@@ -96,7 +96,7 @@ impl Fisheye {
     }
 
     /// Factors of the derivatives by k1, `p a`, and by k2, `p a b`.
-    pub(super) fn leading_factors(&self, p: Vector2<f64>) -> [f64; 2] {
+    pub(super) fn leading_factors(p: Vector2<f64>) -> [f64; 2] {
         let r = p.norm();
         if r < NEAR_AXIS {
             return [0.0; 2];
@@ -114,7 +114,8 @@ impl Fisheye {
             return Some(distorted);
         }
         let (mut low, mut high) = (0.0, self.widest);
-        if !(target <= self.bent(high).0) {
+        let is_shown = target <= self.bent(high).0;
+        if !is_shown {
             return None;
         }
         // Newton's method, which bisection keeps between two angles that enclose the root.
@@ -122,9 +123,9 @@ impl Fisheye {
         for _ in 0..STEPS {
             let (bent, slope) = self.bent(theta);
             if bent < target {
-                low = theta
+                low = theta;
             } else {
-                high = theta
+                high = theta;
             }
             let newton = theta - (bent - target) / slope;
             let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
@@ -160,7 +161,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn undistort_inverts_distort(d in lens(), theta in 0.0..1.48f64, direction in 0.0..6.28f64) {
+        fn undistort_inverts_distort(d in lens(), theta in 0.0..1.48f64, direction in 0.0..std::f64::consts::TAU) {
             prop_assume!(theta < 0.99 * d.widest);
             let p = ray(theta, direction);
             let back = d.undistort(d.distort(p)).unwrap();
@@ -169,7 +170,7 @@ mod tests {
         }
 
         #[test]
-        fn derivatives_match_finite_differences(d in lens(), theta in 0.0..1.4f64, direction in 0.0..6.28f64) {
+        fn derivatives_match_finite_differences(d in lens(), theta in 0.0..1.4f64, direction in 0.0..std::f64::consts::TAU) {
             let (p, step) = (ray(theta, direction), 1e-6);
             for axis in 0..2 {
                 let mut delta = Vector2::zeros();

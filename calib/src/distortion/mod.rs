@@ -13,7 +13,7 @@ mod brown_conrady;
 mod fisheye;
 mod inverse;
 mod model;
-#[cfg(all(test, feature = "vision"))]
+#[cfg(test)]
 mod opencv_tests;
 mod rational;
 mod roots;
@@ -95,7 +95,7 @@ impl Distortion {
     pub fn is_none(&self) -> bool {
         match self {
             Self::BrownConrady(model) => *model == BrownConrady::NONE,
-            Self::Rational(model) => model.coefficients() == [0.0; 8],
+            Self::Rational(model) => model.coefficients().iter().all(|number| *number == 0.0),
             Self::Fisheye(_) => false,
         }
     }
@@ -154,7 +154,11 @@ impl Distortion {
     /// Factors `a` and `b` by which the [leading](Self::leading) coefficients move a point's image: the derivative of
     /// [`Self::distort`] is `p a` by the first, and `p a b` by the second.
     pub fn leading_factors(&self, p: Vector2<f64>) -> [f64; 2] {
-        of_model!(self, model => model.leading_factors(p))
+        match self {
+            Self::BrownConrady(_) => BrownConrady::leading_factors(p),
+            Self::Rational(model) => model.leading_factors(p),
+            Self::Fisheye(_) => Fisheye::leading_factors(p),
+        }
     }
 }
 

@@ -1,4 +1,5 @@
 //! Each model held to OpenCV's own projection.
+#![cfg(feature = "vision")]
 
 use nalgebra::{Point2, Point3};
 use opencv::calib3d;

@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn numbers_that_are_none_have_no_roots() {
         for odd in [f64::NAN, f64::INFINITY] {
-            assert!(smallest_crossing(&[1.0, odd, -1.0], 10.0).is_none_or(|root| root.is_finite()));
+            assert!(smallest_crossing(&[1.0, odd, -1.0], 10.0).is_none_or(f64::is_finite));
         }
         assert_eq!(smallest_crossing(&[1.0], 10.0), None);
         assert_eq!(smallest_crossing(&[1.0, 0.0, 1.0], 10.0), None);

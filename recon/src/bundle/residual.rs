@@ -112,16 +112,22 @@ pub(super) fn moved_lens(lens: &Intrinsics, step: &[f64]) -> Intrinsics {
 mod tests {
     use super::*;
     use calib::least_squares::moved_pose;
+    use calib::{Distortion, Fisheye, Rational};
     use proptest::prelude::*;
 
     proptest! {
         #[test]
         fn jacobians_match_finite_differences(
             x in -1.0..1.0, y in -1.0..1.0, z in 2.0..6.0,
-            turn in prop::array::uniform3(-0.4..0.4), shift in prop::array::uniform3(-0.5..0.5),
+            turn in prop::array::uniform3(-0.4..0.4), shift in prop::array::uniform3(-0.5..0.5), which in 0..3usize,
         ) {
             let mut lens = Intrinsics::from_horizontal_fov(640, 480, 70.0);
-            lens.distortion = [-0.1, 0.03, 0.001, -0.002, 0.0].into();
+            let models: [Distortion; 3] = [
+                [-0.1, 0.03, 0.001, -0.002, 0.0].into(),
+                Rational::from([0.2, 0.05, 0.001, -0.002, 0.01, 0.4, 0.1, 0.01]).into(),
+                Fisheye::from([-0.02, 0.005, -0.001, 0.0002]).into(),
+            ];
+            lens.distortion = models[which];
             let pose = Isometry3::new(Vector3::from(shift), Vector3::from(turn));
             let (point, pixel) = (Point3::new(x, y, z), Point2::new(200.0, 300.0));
             let matrix = PoseMatrix::new(&pose);

@@ -158,7 +158,7 @@ pub fn write(dir: &Path, room: &Room) -> Result<()> {
         let k = &entry.camera.intrinsics;
         let (cx, cy) = (k.cx + CORNER_PX, k.cy + CORNER_PX);
         let (model, numbers) = model::written(&k.distortion);
-        let more: String = numbers.iter().map(|number| format!(" {number}")).collect();
+        let more = numbers.iter().fold(String::new(), |more, number| more + " " + &number.to_string());
         // Writing into a string cannot fail.
         let _ = writeln!(cameras, "{id} {model} {} {} {} {} {cx} {cy}{more}", k.width, k.height, k.fx, k.fy);
         let pose = &entry.camera.camera_from_world;

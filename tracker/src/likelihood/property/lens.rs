@@ -1,4 +1,4 @@
-//! Mapping from a pixel of the pinhole twin to the filmed image, by OpenCV's distortion formula `[k1, k2, p1, p2, k3]`.
+//! Mapping from a pixel of the pinhole twin to the filmed image, by OpenCV's formulas of ordinary lenses and of fisheyes.
 
 use calib::{Distortion, Intrinsics};
 use nalgebra::{Point2, Vector2, Vector3};
@@ -54,12 +54,20 @@ impl FilmLens {
     }
 }
 
-fn five_numbers(d: &Distortion) -> [f64; 5] {
-    <[f64; 5]>::try_from(d.coefficients()).unwrap()
-}
+/// Angle from the axis, radians, from which on a fisheye shows nothing.
+const FISHEYE_END: f64 = 85.0 * std::f64::consts::PI / 180.0;
 
 fn bend(d: &Distortion, p: &Vector2<f64>) -> Vector2<f64> {
-    let [k1, k2, p1, p2, k3] = five_numbers(d);
+    let [k1, k2, p1, p2, k3] = match d {
+        Distortion::BrownConrady(model) => model.coefficients(),
+        Distortion::Fisheye(model) => {
+            let [k1, k2, k3, k4] = model.coefficients();
+            let t = p.norm().atan2(1.0);
+            let bent = t + k1 * t.powi(3) + k2 * t.powi(5) + k3 * t.powi(7) + k4 * t.powi(9);
+            return p * if t > 0.0 { bent / p.norm() } else { 1.0 };
+        }
+        Distortion::Rational(_) => panic!("{d:?} is no lens of these scenes"),
+    };
     let (x, y, r2) = (p.x, p.y, p.norm_squared());
     let radial = 1.0 + k1 * r2 + k2 * r2.powi(2) + k3 * r2.powi(3);
     Vector2::new(
@@ -68,18 +76,37 @@ fn bend(d: &Distortion, p: &Vector2<f64>) -> Vector2<f64> {
     )
 }
 
-/// Radius from which on the radial part decreases, found by stepping outwards.
+/// Radius from which on the radial part decreases, or a fisheye ends.
 fn fold(d: &Distortion) -> f64 {
+    match d {
+        Distortion::BrownConrady(model) => {
+            let [k1, k2, _, _, k3] = model.coefficients();
+            let slope = |r: f64| 1.0 + 3.0 * k1 * r.powi(2) + 5.0 * k2 * r.powi(4) + 7.0 * k3 * r.powi(6);
+            last_growing(slope, 4.0).unwrap_or(f64::INFINITY)
+        }
+        Distortion::Fisheye(model) => {
+            let [k1, k2, k3, k4] = model.coefficients();
+            let slope = |t: f64| {
+                1.0 + 3.0 * k1 * t.powi(2)
+                    + 5.0 * k2 * t.powi(4)
+                    + 7.0 * k3 * t.powi(6)
+                    + 9.0 * k4 * t.powi(8)
+            };
+            last_growing(slope, FISHEYE_END).unwrap_or(FISHEYE_END).tan()
+        }
+        Distortion::Rational(_) => panic!("{d:?} is no lens of these scenes"),
+    }
+}
+
+/// Place up to which a slope is positive, found by stepping outwards; `None` if it is as far as `end`.
+fn last_growing(slope: impl Fn(f64) -> f64, end: f64) -> Option<f64> {
     const STEP: f64 = 1e-4;
-    let [k1, k2, _, _, k3] = five_numbers(d);
-    let grows = |r: f64| 1.0 + 3.0 * k1 * r.powi(2) + 5.0 * k2 * r.powi(4) + 7.0 * k3 * r.powi(6) > 0.0;
-    let Some(last) = (0..40_000).map(|i| f64::from(i) * STEP).find(|r| !grows(r + STEP)) else {
-        return f64::INFINITY;
-    };
+    let steps = (end / STEP) as u32;
+    let last = (0..steps).map(|i| f64::from(i) * STEP).find(|r| slope(r + STEP) <= 0.0)?;
     let (mut low, mut high) = (last, last + STEP);
     for _ in 0..50 {
         let middle = 0.5 * (low + high);
-        if grows(middle) { low = middle } else { high = middle }
+        if slope(middle) > 0.0 { low = middle } else { high = middle }
     }
-    low
+    Some(low)
 }

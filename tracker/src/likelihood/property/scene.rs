@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use calib::{Camera, Intrinsics};
+use calib::{Camera, Fisheye, Intrinsics};
 use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use rand::RngExt;
@@ -124,8 +124,8 @@ impl TestScene {
         let block = u32::from(self.view.block);
         let members = |i: i32, size: u32| (i as u32 * block)..((i as u32 + 1) * block).min(size);
         let (mut all, mut surely, mut perhaps) = (0, 0, 0);
-        for y in members(v, film.height()) {
-            for x in members(u, film.width()) {
+        for y in members(v, self.camera.height()) {
+            for x in members(u, self.camera.width()) {
                 let filmed = self.lens.of(&Point2::new(f64::from(x), f64::from(y)));
                 let is_set = match filmed.is_shown {
                     Some(false) => Some(false),
@@ -222,7 +222,11 @@ fn random_camera(has_lens: bool, rng: &mut Pcg64Mcg) -> Camera {
     intrinsics.fy *= rng.random_range(0.8..1.2);
     intrinsics.cx += rng.random_range(-0.1..0.1) * f64::from(width);
     intrinsics.cy += rng.random_range(-0.1..0.1) * f64::from(height);
-    if has_lens {
+    if has_lens && rng.random::<f32>() < 0.3 {
+        let mut number = |size: f64| rng.random_range(-size..size);
+        intrinsics.distortion =
+            Fisheye::from([number(0.1), number(0.03), number(0.01), number(0.003)]).into();
+    } else if has_lens {
         intrinsics.distortion = [
             rng.random_range(-0.4..0.25),
             rng.random_range(-0.1..0.15),
