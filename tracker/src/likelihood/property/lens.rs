@@ -6,9 +6,9 @@ use nalgebra::{Point2, Vector2, Vector3};
 /// Distance from the image's rim (pixels) or from the lens's fold (fraction of its radius) within which visibility is
 /// undecided.
 const RIM: f64 = 1e-6;
-/// Fraction of the fold's radius from which on a filmed place does not determine its ray: two rays approach each other
+/// Fraction of the fold's radius from which on a filmed place may not determine its ray: two rays approach each other
 /// there.
-const NEAR_FOLD: f64 = 0.98;
+const NEAR_FOLD: f64 = 0.9;
 
 /// Filmed image of a camera, as seen from its pinhole twin.
 pub(super) struct FilmLens {
