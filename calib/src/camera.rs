@@ -98,8 +98,9 @@ impl Intrinsics {
         }
         let lens =
             [self.fx, self.fy, self.cx, self.cy].map(|value| ("a number of the matrix", value, LENS_PX));
-        let coefficients = <[f64; 5]>::from(self.distortion);
-        let distortion = coefficients.map(|value| ("a distortion coefficient", value, DISTORTION));
+        let coefficients = self.distortion.coefficients();
+        let distortion =
+            coefficients.into_iter().map(|value| ("a distortion coefficient", value, DISTORTION));
         for (name, value, range) in lens.into_iter().chain(distortion) {
             if let Some(problem) = range.defect(value) {
                 return Err(Error::Invalid(format!("{name} {problem}")));
@@ -111,12 +112,6 @@ impl Intrinsics {
     /// OpenCV's camera matrix.
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
-    }
-
-    /// The same camera without distortion: the image that [`crate::undistort`] makes of this one's.
-    #[must_use]
-    pub fn pinhole(&self) -> Self {
-        Self { distortion: Distortion::NONE, ..self.clone() }
     }
 
     /// The camera of the image scaled to `width` × `height`; pixel centres stay where they belong.
@@ -235,7 +230,7 @@ mod tests {
             fy: 425.0,
             cx: 321.5,
             cy: 236.0,
-            distortion: Distortion { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.002, k3: 0.0 },
+            distortion: [-0.2, 0.05, 0.001, -0.002, 0.0].into(),
         }
     }
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use shell::files::StagedFile;
 
 use crate::exact_length::ExactLength;
-use crate::{Camera, Distortion, Error, Intrinsics, Result};
+use crate::{Camera, Distortion, Error, Intrinsics, LensModel, Result};
 
 /// Writes a file in one step, as [`StagedFile`] does: a reader, a full disk and a loss of power see the old content or
 /// the new one, never a part.
@@ -83,8 +83,9 @@ struct IntrinsicsFile {
     width: u32,
     height: u32,
     matrix: [[f64; 3]; 3],
-    #[serde(default)]
-    distortion: Distortion,
+    #[serde(default, skip_serializing_if = "LensModel::is_default")]
+    lens: LensModel,
+    distortion: Option<Vec<f64>>,
     /// `calib pose` writes an estimated lens beside the pose, so its keys are known here; any other key is an error.
     #[serde(default, skip_serializing)]
     #[expect(dead_code, reason = "only known, so that it is not called a mistake")]
@@ -103,7 +104,8 @@ impl IntrinsicsFile {
             width: intrinsics.width,
             height: intrinsics.height,
             matrix: rows_of_matrix(&intrinsics.matrix()),
-            distortion: intrinsics.distortion,
+            lens: intrinsics.distortion.model(),
+            distortion: Some(intrinsics.distortion.coefficients()),
             rotation: IgnoredAny,
             translation: IgnoredAny,
             rms_px: IgnoredAny,
@@ -143,7 +145,9 @@ pub fn pose_text(camera: &Camera, rms_px: f64, with_lens: bool) -> Result<String
 /// [`Error::File`], naming file and place.
 pub fn read_intrinsics(path: &Path) -> Result<Intrinsics> {
     let file: IntrinsicsFile = read_toml(path)?;
-    Intrinsics::from_matrix(file.width, file.height, &matrix_from_rows(&file.matrix), file.distortion)
+    let distortion = Distortion::from_file(file.lens, file.distortion.as_deref())
+        .map_err(|problem| Error::content(path, "distortion", problem))?;
+    Intrinsics::from_matrix(file.width, file.height, &matrix_from_rows(&file.matrix), distortion)
         .map_err(|e| Error::content(path, "matrix, distortion", e.to_string()))
 }
 
@@ -178,6 +182,15 @@ mod tests {
         camera.distortion = [-0.2, 0.1, 0.001, -0.002, 0.03].into();
         write_intrinsics(&path, &camera).unwrap();
         assert_eq!(read_intrinsics(&path).unwrap(), camera);
+        assert!(!std::fs::read_to_string(&path).unwrap().contains("lens"));
+        for model in [LensModel::Rational, LensModel::Fisheye] {
+            let numbers = [-0.02, 0.01, 1e-3, 0.1 + 0.2, 0.0, 0.3, 0.07, -0.01];
+            let count = model.coefficient_names().len();
+            camera.distortion = Distortion::new(model, &numbers[..count]).unwrap();
+            write_intrinsics(&path, &camera).unwrap();
+            assert_eq!(read_intrinsics(&path).unwrap(), camera);
+            assert!(std::fs::read_to_string(&path).unwrap().contains(&format!("lens = \"{model}\"")));
+        }
     }
 
     #[test]
@@ -222,7 +235,13 @@ mod tests {
         let long = said(
             "width = 6\nheight = 4\nmatrix = [[4, 0, 3], [0, 4, 2], [0, 0, 1]]\ndistortion = [1, 2, 3, 4, 5, 6, 7, 8]\n",
         );
-        assert!(long.contains("line 4") && long.contains("invalid length 8"), "{long}");
+        assert!(long.contains("cam.toml: distortion: 8 numbers") && long.contains("\"rational\""), "{long}");
+        let unknown =
+            said("width = 6\nheight = 4\nmatrix = [[4, 0, 3], [0, 4, 2], [0, 0, 1]]\nlens = \"cylinder\"\n");
+        assert!(unknown.contains("line 4") && unknown.contains("`fisheye`"), "{unknown}");
+        let bare =
+            said("width = 6\nheight = 4\nmatrix = [[4, 0, 3], [0, 4, 2], [0, 0, 1]]\nlens = \"fisheye\"\n");
+        assert!(bare.contains("distortion: 0 numbers") && bare.contains("k1, k2, k3, k4"), "{bare}");
         let negative =
             said("width = 6\nheight = 4\nmatrix = [[-4.0, 0.0, 3.0], [0.0, 4.0, 2.0], [0.0, 0.0, 1.0]]");
         assert!(negative.contains("not positive"), "{negative}");

@@ -4,7 +4,7 @@
 //! people.
 //!
 //! * [`Camera`] — a camera's pose ([`nalgebra::Isometry3`], `camera_from_world`) and its mapping of
-//!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
+//!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`] by one of three models). Start here.
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
 //! * [`least_squares`] — damped nonlinear least squares: the trait of a problem, and the one loop that minimises it.
 //! * [`resection`] — a camera's pose, and its lens where that is unknown, from known points and their pixels.
@@ -12,7 +12,7 @@
 //! * [`picture`] — pictures in files: photographs upright, drawings replaced in one step.
 //! * [`photograph`] — the lens stated by a photograph's EXIF block.
 //! * [`ray_uncertainty`] — standard deviation of a calibrated camera's rays, over its picture.
-//! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
+//! * [`undistort`] — lookup maps between a distorted image and its pinhole twin ([`Intrinsics::pinhole`]).
 //! * [`vision`] — the only module that calls OpenCV: optical flow, background models, chessboards.
 //! * [`video`] — the only module that calls FFmpeg: frames in, films out. The rest of the crate builds and tests
 //!   without these two (feature `vision`).
@@ -27,6 +27,7 @@
 #![forbid(unsafe_code)]
 
 pub mod absolute_orientation;
+mod board_adjustment;
 mod camera;
 #[cfg(feature = "vision")]
 pub mod cli;
@@ -37,6 +38,7 @@ pub mod files;
 pub mod least_squares;
 pub mod photograph;
 pub mod picture;
+mod pinhole_twin;
 pub mod ray_uncertainty;
 #[cfg(feature = "vision")]
 pub mod relocation;
@@ -49,5 +51,5 @@ pub mod video;
 pub mod vision;
 
 pub use camera::{Camera, Intrinsics};
-pub use distortion::Distortion;
+pub use distortion::{BrownConrady, Distortion, Fisheye, LensModel, Rational};
 pub use error::{Error, Result};

@@ -1,75 +1,63 @@
 //! Uncertainty of a calibrated camera's rays over its picture, by propagation of the corners' errors.
 //!
-//! The normal equations of all views (9 parameters of the lens, 6 of each board's pose) are reduced to the lens by the
+//! The normal equations of all views (those of the lens, and 6 of each board's pose) are reduced to the lens by the
 //! Schur complement; its inverse, times the variance of a corner, is the lens's covariance Σ. A change δ of the lens moves
 //! the pixel of a ray by J δ. A part of that is a rotation of the camera, which no picture shows and every pose takes up:
 //! it is removed by the rotation that fits best where corners were seen. What remains, (J − R M) Σ (J − R M)ᵀ, is small
 //! where boards were and grows where the model only extrapolates.
 
-use nalgebra::{Isometry3, Matrix2xX, Matrix3, Point2, Point3, SMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, Point2, Point3, SMatrix, Vector3};
 
 use crate::Intrinsics;
-use crate::least_squares::by_pose;
-
-/// Number of parameters of a lens: fx, fy, cx, cy, k1, k2, p1, p2, k3.
-const LENS: usize = 9;
-
-type LensJacobian = SMatrix<f64, 2, LENS>;
-
-/// A board in one picture: where it stood, and its corners.
-#[derive(Debug, Clone)]
-pub struct BoardView {
-    /// Pose of the board.
-    pub camera_from_board: Isometry3<f64>,
-    /// Corners on the board, metres, with the pixels at which they were found.
-    pub corners: Vec<(Point3<f64>, Point2<f64>)>,
-}
+pub use crate::board_adjustment::BoardView;
+use crate::board_adjustment::{ViewBlocks, lens_jacobian};
 
 /// Uncertainty of the rays of a calibrated camera.
 #[derive(Debug, Clone)]
 pub struct RayUncertainty {
     intrinsics: Intrinsics,
-    covariance: SMatrix<f64, LENS, LENS>,
+    /// Of fx, fy, cx, cy and the coefficients of the distortion.
+    covariance: DMatrix<f64>,
     /// Rotation that compensates a change of the lens, radians.
-    rotation_of_lens: SMatrix<f64, 3, LENS>,
+    rotation_of_lens: Matrix3xX<f64>,
 }
 
 impl RayUncertainty {
     /// Propagates the errors of the corners, of the residuals' size but at least `least_sigma_px`. `None` where the views
     /// do not determine the lens.
     pub fn of(intrinsics: &Intrinsics, views: &[BoardView], least_sigma_px: f64) -> Option<Self> {
-        let mut reduced = SMatrix::<f64, LENS, LENS>::zeros();
-        let (mut rotations, mut mixed) = (Matrix3::zeros(), SMatrix::<f64, 3, LENS>::zeros());
+        let size = 4 + intrinsics.distortion.model().coefficient_names().len();
+        let mut reduced = DMatrix::<f64>::zeros(size, size);
+        let (mut rotations, mut mixed) = (Matrix3::zeros(), Matrix3xX::<f64>::zeros(size));
         let (mut squares, mut corners) = (0.0, 0usize);
         for view in views {
-            let mut of_lens = SMatrix::<f64, LENS, LENS>::zeros();
-            let mut of_pose = SMatrix::<f64, 6, 6>::zeros();
-            let mut between = SMatrix::<f64, 6, LENS>::zeros();
-            for (corner, pixel) in &view.corners {
+            let blocks = ViewBlocks::of(intrinsics, view)?;
+            for (corner, _) in &view.corners {
                 let at = view.camera_from_board * corner;
-                let seen = intrinsics.project(&at)?;
-                let by_lens = lens_jacobian(intrinsics, &at);
-                let by_board = intrinsics.project_jacobian(&at) * by_pose(&at);
-                of_lens += by_lens.transpose() * by_lens;
-                of_pose += by_board.transpose() * by_board;
-                between += by_board.transpose() * by_lens;
                 let by_turn = turn_jacobian(intrinsics, &at);
                 rotations += by_turn.transpose() * by_turn;
-                mixed += by_turn.transpose() * by_lens;
-                squares += (seen - pixel).norm_squared();
-                corners += 1;
+                mixed += by_turn.transpose() * lens_jacobian(intrinsics, &at);
             }
-            reduced += of_lens - between.transpose() * of_pose.try_inverse()? * between;
+            squares += view.mean_square_px2(intrinsics)? * view.corners.len() as f64;
+            corners += view.corners.len();
+            let between = &blocks.between;
+            reduced += &blocks.of_lens - between.transpose() * blocks.of_pose.try_inverse()? * between;
         }
         // Pixels and coefficients differ by orders of magnitude: scaled to a unit diagonal first.
         let scale = reduced.diagonal().map(|d| 1.0 / d.sqrt());
-        let scaled = SMatrix::<f64, LENS, LENS>::from_fn(|r, c| reduced[(r, c)] * scale[r] * scale[c]);
+        let scaled = DMatrix::from_fn(size, size, |r, c| reduced[(r, c)] * scale[r] * scale[c]);
         let inverse = scaled.cholesky()?.inverse();
-        let beyond_need = (2 * corners).checked_sub(LENS + 6 * views.len()).filter(|n| *n > 0)?;
+        let beyond_need = (2 * corners).checked_sub(size + 6 * views.len()).filter(|n| *n > 0)?;
         let variance = (squares / beyond_need as f64).max(least_sigma_px * least_sigma_px);
-        let covariance = SMatrix::from_fn(|r, c| variance * inverse[(r, c)] * scale[r] * scale[c]);
+        let covariance =
+            DMatrix::from_fn(size, size, |r, c| variance * inverse[(r, c)] * scale[r] * scale[c]);
         let rotation_of_lens = rotations.try_inverse()? * mixed;
         Some(Self { intrinsics: intrinsics.clone(), covariance, rotation_of_lens })
+    }
+
+    /// Standard deviations of fx, fy, cx and cy, pixels.
+    pub fn sigma_of_matrix_px(&self) -> [f64; 4] {
+        std::array::from_fn(|i| self.covariance[(i, i)].max(0.0).sqrt())
     }
 
     /// Standard deviation of the pixel of the ray that is seen at `pixel`, pixels; `None` where the lens model has no ray.
@@ -77,8 +65,8 @@ impl RayUncertainty {
         let ray: Vector3<f64> = self.intrinsics.unproject(pixel)?;
         let at = Point3::from(ray);
         let moved = lens_jacobian(&self.intrinsics, &at)
-            - turn_jacobian(&self.intrinsics, &at) * self.rotation_of_lens;
-        Some((moved * self.covariance * moved.transpose()).trace().max(0.0).sqrt())
+            - turn_jacobian(&self.intrinsics, &at) * &self.rotation_of_lens;
+        Some((&moved * &self.covariance * moved.transpose()).trace().max(0.0).sqrt())
     }
 
     /// Standard deviations on an even grid over the picture, corners included, row by row: the pixel, and its deviation.
@@ -93,34 +81,6 @@ impl RayUncertainty {
     }
 }
 
-/// Derivative of a point's pixel with respect to fx, fy, cx, cy, k1, k2, p1, p2, k3.
-fn lens_jacobian(k: &Intrinsics, at: &Point3<f64>) -> LensJacobian {
-    let (x, y) = (at.x / at.z, at.y / at.z);
-    let r2 = x * x + y * y;
-    let bent = k.distortion.distort([x, y].into());
-    let mut jacobian = LensJacobian::zeros();
-    jacobian[(0, 0)] = bent.x;
-    jacobian[(1, 1)] = bent.y;
-    (jacobian[(0, 2)], jacobian[(1, 3)]) = (1.0, 1.0);
-    let of_coefficients: Matrix2xX<f64> = Matrix2xX::from_row_slice(&[
-        x * r2,
-        x * r2 * r2,
-        2.0 * x * y,
-        r2 + 2.0 * x * x,
-        x * r2 * r2 * r2,
-        y * r2,
-        y * r2 * r2,
-        r2 + 2.0 * y * y,
-        2.0 * x * y,
-        y * r2 * r2 * r2,
-    ]);
-    for column in 0..5 {
-        jacobian[(0, 4 + column)] = k.fx * of_coefficients[(0, column)];
-        jacobian[(1, 4 + column)] = k.fy * of_coefficients[(1, column)];
-    }
-    jacobian
-}
-
 /// Derivative of a point's pixel with respect to a rotation of the point about the camera's centre.
 fn turn_jacobian(k: &Intrinsics, at: &Point3<f64>) -> SMatrix<f64, 2, 3> {
     k.project_jacobian(at) * -at.coords.cross_matrix()
@@ -129,8 +89,13 @@ fn turn_jacobian(k: &Intrinsics, at: &Point3<f64>) -> SMatrix<f64, 2, 3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Vector2;
+    use crate::least_squares::by_pose;
+    use crate::{Distortion, Fisheye, Rational};
+    use nalgebra::{Isometry3, Vector2};
     use proptest::prelude::*;
+
+    /// Number of parameters of the lens of these tests.
+    const LENS: usize = 9;
 
     fn lens() -> Intrinsics {
         let mut k = Intrinsics::from_horizontal_fov(640, 480, 70.0);
@@ -174,18 +139,25 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_lens_jacobian_matches_finite_differences(x in -0.7..0.7, y in -0.5..0.5, z in 0.4..5.0) {
-            let (k, at) = (lens(), Point3::new(x * z, y * z, z));
+        fn the_lens_jacobian_matches_finite_differences(
+            x in -0.7..0.7, y in -0.5..0.5, z in 0.4..5.0, which in 0..3usize,
+        ) {
+            let lenses: [Distortion; 3] = [
+                lens().distortion,
+                Rational::from([0.1, 0.04, 0.001, -0.002, 0.01, 0.3, 0.05, 0.01]).into(),
+                Fisheye::from([-0.02, 0.004, -0.001, 0.0003]).into(),
+            ];
+            let k = Intrinsics { distortion: lenses[which], ..lens() };
+            let at = Point3::new(x * z, y * z, z);
             let analytic = lens_jacobian(&k, &at);
-            for parameter in 0..LENS {
+            for parameter in 0..analytic.ncols() {
                 let step = if parameter < 4 { 1e-4 } else { 1e-6 };
                 let moved = |by: f64| {
-                    let mut k = lens();
-                    let [mut k1, mut k2, mut p1, mut p2, mut k3]: [f64; 5] = k.distortion.into();
-                    let numbers =
-                        [&mut k.fx, &mut k.fy, &mut k.cx, &mut k.cy, &mut k1, &mut k2, &mut p1, &mut p2, &mut k3];
-                    *numbers.into_iter().nth(parameter).unwrap() += by;
-                    k.distortion = [k1, k2, p1, p2, k3].into();
+                    let mut k = k.clone();
+                    let mut coefficients = k.distortion.coefficients();
+                    let numbers = [&mut k.fx, &mut k.fy, &mut k.cx, &mut k.cy].into_iter();
+                    *numbers.chain(&mut coefficients).nth(parameter).unwrap() += by;
+                    k.distortion = Distortion::new(k.distortion.model(), &coefficients).unwrap();
                     k.project(&at).unwrap()
                 };
                 let numeric: Vector2<f64> = (moved(step) - moved(-step)) / (2.0 * step);
@@ -214,12 +186,12 @@ mod tests {
         let size = LENS + 6 * views.len();
         let mut changes = Vec::new();
         for _ in 0..60 {
-            let mut matrix = nalgebra::DMatrix::<f64>::zeros(size, size);
+            let mut matrix = DMatrix::<f64>::zeros(size, size);
             let mut right = nalgebra::DVector::<f64>::zeros(size);
             for (v, view) in views.iter().enumerate() {
                 for (corner, _) in &view.corners {
                     let at = view.camera_from_board * corner;
-                    let mut row = nalgebra::DMatrix::<f64>::zeros(2, size);
+                    let mut row = DMatrix::<f64>::zeros(2, size);
                     row.view_mut((0, 0), (2, LENS)).copy_from(&lens_jacobian(&k, &at));
                     row.view_mut((0, LENS + 6 * v), (2, 6))
                         .copy_from(&(k.project_jacobian(&at) * by_pose(&at)));
@@ -232,8 +204,8 @@ mod tests {
         }
         for pixel in [Point2::new(20.0, 20.0), Point2::new(320.0, 240.0), Point2::new(600.0, 240.0)] {
             let at = Point3::from(k.unproject(&pixel).unwrap());
-            let moved = lens_jacobian(&k, &at) - turn_jacobian(&k, &at) * told.rotation_of_lens;
-            let squares: f64 = changes.iter().map(|change| (moved * change).norm_squared()).sum();
+            let moved = lens_jacobian(&k, &at) - turn_jacobian(&k, &at) * &told.rotation_of_lens;
+            let squares: f64 = changes.iter().map(|change| (&moved * change).norm_squared()).sum();
             let (scatter, sigma) = ((squares / 60.0).sqrt(), told.sigma_px(&pixel).unwrap());
             assert!((scatter / sigma - 1.0).abs() < 0.35, "{pixel}: scatter {scatter}, told {sigma}");
         }

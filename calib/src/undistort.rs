@@ -12,8 +12,12 @@ use crate::Intrinsics;
 /// Source pixel in the distorted image for each pixel of the pinhole image.
 #[derive(Debug, Clone)]
 pub struct UndistortMap {
+    /// Width of the pinhole image.
     width: u32,
+    /// Height of the pinhole image.
     height: u32,
+    /// Width and height of the distorted image.
+    filmed: (u32, u32),
     /// Row by row; `None` where the lens has no image. Empty when the camera has no distortion.
     source: Vec<Option<[f32; 2]>>,
     /// The index of the nearest pixel to each source, [`NOTHING`] for none.
@@ -24,25 +28,38 @@ pub struct UndistortMap {
 const NOTHING: u32 = u32::MAX;
 
 impl UndistortMap {
-    /// Computes the map of one camera.
+    /// Computes the map of one camera to its pinhole twin.
     pub fn new(intrinsics: &Intrinsics) -> Self {
-        let (width, height) = (intrinsics.width, intrinsics.height);
-        if intrinsics.distortion.is_none() {
-            return Self { width, height, source: Vec::new(), nearest: Vec::new() };
+        Self::to(intrinsics, &intrinsics.pinhole())
+    }
+
+    /// Computes the map of one camera to a pinhole camera at the same place, of any size.
+    pub fn to(intrinsics: &Intrinsics, pinhole: &Intrinsics) -> Self {
+        if intrinsics == pinhole {
+            let (width, height) = (intrinsics.width, intrinsics.height);
+            return Self { width, height, filmed: (width, height), source: Vec::new(), nearest: Vec::new() };
         }
-        Self::of_rays(intrinsics, |ray| ray)
+        Self::of_rays(intrinsics, pinhole, |ray| ray)
     }
 
     /// The map of a camera that has turned in place, to the pinhole image of the camera before: what it no longer sees
     /// there has no image.
-    pub fn turned(intrinsics: &Intrinsics, camera_from_before: &UnitQuaternion<f64>) -> Self {
-        Self::of_rays(intrinsics, |ray| camera_from_before * ray)
+    pub fn turned(
+        intrinsics: &Intrinsics,
+        pinhole: &Intrinsics,
+        camera_from_before: &UnitQuaternion<f64>,
+    ) -> Self {
+        Self::of_rays(intrinsics, pinhole, |ray| camera_from_before * ray)
     }
 
-    /// Map by which a ray of the pinhole twin becomes one of the camera.
-    fn of_rays(intrinsics: &Intrinsics, of_camera: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Self {
-        let (width, height) = (intrinsics.width, intrinsics.height);
-        let pinhole = intrinsics.pinhole();
+    /// Map by which a ray of the pinhole image becomes one of the camera.
+    fn of_rays(
+        intrinsics: &Intrinsics,
+        pinhole: &Intrinsics,
+        of_camera: impl Fn(Vector3<f64>) -> Vector3<f64>,
+    ) -> Self {
+        let (width, height) = (pinhole.width, pinhole.height);
+        let filmed = (intrinsics.width, intrinsics.height);
         let source: Vec<Option<[f32; 2]>> = (0..height)
             .flat_map(|v| (0..width).map(move |u| Point2::new(u as f64, v as f64)))
             .map(|pixel| {
@@ -51,10 +68,11 @@ impl UndistortMap {
                 intrinsics.contains(&seen).then_some([seen.x as f32, seen.y as f32])
             })
             .collect();
-        let index =
-            |[u, v]: [f32; 2]| (v.round() as u32).min(height - 1) * width + (u.round() as u32).min(width - 1);
+        let index = |[u, v]: [f32; 2]| {
+            (v.round() as u32).min(filmed.1 - 1) * filmed.0 + (u.round() as u32).min(filmed.0 - 1)
+        };
         let nearest = source.iter().map(|source| source.map_or(NOTHING, index)).collect();
-        Self { width, height, source, nearest }
+        Self { width, height, filmed, source, nearest }
     }
 
     /// Tells whether the camera has no distortion, so that images need no change.
@@ -89,7 +107,8 @@ impl UndistortMap {
         RgbImage::from_fn(self.width, self.height, |x, y| {
             let source = self.source[(y * self.width + x) as usize];
             let sampled = source.and_then(|[u, v]| {
-                let (u, v) = (u.clamp(0.0, self.width as f32 - 1.0), v.clamp(0.0, self.height as f32 - 1.0));
+                let (right, bottom) = (self.filmed.0 as f32 - 1.0, self.filmed.1 as f32 - 1.0);
+                let (u, v) = (u.clamp(0.0, right), v.clamp(0.0, bottom));
                 image::imageops::interpolate_bilinear(distorted, u, v)
             });
             sampled.unwrap_or(Rgb([0, 0, 0]))
@@ -118,9 +137,11 @@ mod tests {
             if ray.x < 0.3 { Rgb([255, 255, 255]) } else { Rgb([0, 0, 0]) }
         });
         let straight = UndistortMap::new(&k).image(&seen);
-        let edge = k.pinhole().project(&Point3::new(0.3, 0.0, 1.0)).unwrap().x;
-        for v in [5, 30, 60, 90, 115] {
-            let last_white = (0..k.width).rev().find(|u| straight.get_pixel(*u, v)[0] > 127).unwrap();
+        let twin = k.pinhole();
+        let edge = twin.project(&Point3::new(0.3, 0.0, 1.0)).unwrap().x;
+        for part in [0.1, 0.3, 0.5, 0.7, 0.9] {
+            let v = (part * f64::from(twin.height)) as u32;
+            let last_white = (0..twin.width).rev().find(|u| straight.get_pixel(*u, v)[0] > 127).unwrap();
             // Half a pixel from drawing the edge, one from sampling it.
             assert!((last_white as f64 - edge).abs() <= 1.5, "row {v}: {last_white} against {edge}");
         }
@@ -130,12 +151,15 @@ mod tests {
     fn masks_follow_the_same_map_and_pinholes_pass_through() {
         let k = barrel();
         let full = GrayImage::from_pixel(k.width, k.height, Luma([255]));
-        let mut out = GrayImage::new(k.width, k.height);
-        UndistortMap::new(&k).mask(&full, &mut out);
-        assert!(out.get_pixel(80, 60)[0] == 255);
+        let twin = k.pinhole();
+        let mut seen = GrayImage::new(twin.width, twin.height);
+        UndistortMap::new(&k).mask(&full, &mut seen);
+        let middle = twin.project(&Point3::new(0.0, 0.0, 1.0)).unwrap();
+        assert!(seen.get_pixel(middle.x as u32, middle.y as u32)[0] == 255);
 
+        let mut out = GrayImage::new(k.width, k.height);
         let checker = GrayImage::from_fn(k.width, k.height, |u, v| Luma([((u * v) % 251) as u8]));
-        let map = UndistortMap::new(&k.pinhole());
+        let map = UndistortMap::new(&k.without_distortion());
         map.mask(&checker, &mut out);
         assert!(map.is_identity() && out == checker);
     }

@@ -148,7 +148,6 @@ fn color(picture: &RgbImage, x: f64, y: f64) -> [u8; 3] {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use calib::Distortion;
     use image::Rgb;
 
     /// A camera that turns by 3° a frame, to the right and about its axis.
@@ -206,7 +205,7 @@ mod tests {
     #[test]
     fn a_grid_tells_where_all_pixels_were_filmed() {
         let (mut lens, shutter) = turning(0.6);
-        lens.distortion = Distortion { k1: -0.15, k2: 0.03, p1: 0.001, p2: 0.0, k3: 0.0 };
+        lens.distortion = [-0.15, 0.03, 0.001, 0.0, 0.0].into();
         // Sizes that are multiples of the cell size, and others.
         for size in [(160, 120), (157, 113), (1, 1)] {
             let field = shutter.field(&lens, 2, size);

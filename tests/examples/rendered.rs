@@ -2,12 +2,14 @@
 //! folder of pictures a camera, the true positions of the people, and a capture project of `FRAMES` frames a camera.
 //! Runs of `recon build` and `tracker run` on several seeds show whether figures of the available rooms generalise.
 //!
-//! `cargo run --release -p tests --example rendered -- DIR [SEED] [PEOPLE] [CAMERAS] [FRAMES]`
+//! `cargo run --release -p tests --example rendered -- DIR [SEED] [PEOPLE] [CAMERAS] [FRAMES] [LENS]`; LENS is `pinhole`, `barrel`
+//! (k1 = −0.35, k2 = 0.12) or `fisheye` (equidistant, 140° across).
 #![forbid(unsafe_code)]
 
 use std::fmt::Write as _;
 use std::path::Path;
 
+use calib::{Distortion, Fisheye};
 use scenes::raycast::RayScene;
 use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use tests::chain::StepResult;
@@ -15,6 +17,20 @@ use tests::data::folder_to_write;
 
 const RATE_HZ: f64 = 12.0;
 const SECONDS: f64 = 30.0;
+
+/// Horizontal field of view that a lens's matrix would have without its distortion, degrees, and the distortion.
+fn filmed_through(lens: &str) -> StepResult<(f64, Distortion)> {
+    match lens {
+        "pinhole" => Ok((RoomOptions::default().field_of_view_deg, Distortion::NONE)),
+        "barrel" => Ok((RoomOptions::default().field_of_view_deg, [-0.35, 0.12, 0.0, 0.0, 0.0].into())),
+        "fisheye" => {
+            // Half the width is the focal length times 70°.
+            let half_width = 70.0_f64.to_radians();
+            Ok((2.0 * half_width.atan().to_degrees(), Fisheye::from([0.0; 4]).into()))
+        }
+        _ => Err(format!("{lens}: `pinhole`, `barrel` or `fisheye`")),
+    }
+}
 
 fn main() -> StepResult<()> {
     let mut given = std::env::args().skip(1);
@@ -25,11 +41,19 @@ fn main() -> StepResult<()> {
     };
     let (seed, people, cameras) = (number("SEED", 1)?, number("PEOPLE", 4)?, number("CAMERAS", 2)?);
     let frames = number("FRAMES", 50)?;
+    let lens = given.next().unwrap_or_else(|| "pinhole".into());
+    let (field_of_view_deg, distortion) = filmed_through(&lens)?;
     let folder = Path::new(&folder);
-    let room =
-        RoomOptions { seed, cameras: cameras as usize, image_px: [640, 480], ..RoomOptions::default() }
-            .build()
-            .map_err(|e| e.to_string())?;
+    let room = RoomOptions {
+        seed,
+        cameras: cameras as usize,
+        image_px: [640, 480],
+        field_of_view_deg,
+        distortion,
+        ..RoomOptions::default()
+    }
+    .build()
+    .map_err(|e| e.to_string())?;
     room.room.write(&folder.join("room")).map_err(|e| e.to_string())?;
     tests::project::write(&folder.join("project"), &room, frames as usize)?;
     let geometry = room.room.geometry.as_ref().ok_or("the room has no geometry")?;

@@ -7,6 +7,7 @@ use anyhow::bail;
 use image::{Rgb, RgbImage};
 use nalgebra::Point2;
 
+use crate::LensModel;
 use crate::ray_uncertainty::RayUncertainty;
 use crate::vision::chessboard::{CORNER_SIGMA_PX, Calibration};
 
@@ -16,6 +17,12 @@ const BAD_RMS_PX: f64 = 10.0 * CORNER_SIGMA_PX;
 const UNCERTAIN_PX: f64 = 5.0;
 /// Points of the picture at which rays are looked at, across and down; odd, so that there is a middle.
 const GRID: (u32, u32) = (33, 25);
+
+/// Advice to try the other models of wide lenses.
+fn other_models(model: LensModel) -> String {
+    let wide = LensModel::ALL.into_iter().filter(|other| !other.is_default() && *other != model);
+    format!("try {}", wide.map(|other| format!("--model {other}")).collect::<Vec<_>>().join(" or "))
+}
 
 /// Judgement of a calibration by its views: the uncertainty of rays over the picture.
 pub(super) struct CalibrationVerdict {
@@ -54,11 +61,11 @@ impl CalibrationVerdict {
         if found.rms_px >= BAD_RMS_PX && folded_percent > 0.0 {
             bail!(
                 "{}: the boards do not fit the lens model: the residual is {:.2} px ({:.0} times what corners are found to), and \
-                 {folded_percent:.0} % of the picture has no ray, since the model folds; is it a fisheye? Make its pictures \
-                 straight first, or check --pattern",
+                 {folded_percent:.0} % of the picture has no ray, since the model folds; {}, or check --pattern",
                 out.display(),
                 found.rms_px,
-                found.rms_px / CORNER_SIGMA_PX
+                found.rms_px / CORNER_SIGMA_PX,
+                other_models(found.intrinsics.distortion.model())
             );
         }
         Ok(())
@@ -95,10 +102,11 @@ impl CalibrationVerdict {
         let mut warnings = Vec::new();
         if found.rms_px >= BAD_RMS_PX {
             warnings.push(format!(
-                "the residual of {:.2} px is {:.0} times what corners are found to: the lens does not fit the model (a \
-                 fisheye, a zoom that moved?), or the board is bent or blurred",
+                "the residual of {:.2} px is {:.0} times what corners are found to: the lens does not fit the model ({}; \
+                 a zoom that moved?), or the board is bent or blurred",
                 found.rms_px,
-                found.rms_px / CORNER_SIGMA_PX
+                found.rms_px / CORNER_SIGMA_PX,
+                other_models(found.intrinsics.distortion.model())
             ));
         }
         let folded_percent = self.folded_percent();

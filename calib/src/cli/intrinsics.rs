@@ -10,8 +10,8 @@ use shell::files::Outputs;
 use shell::ranges::SIZE_M;
 
 use super::calibration_verdict::CalibrationVerdict;
-use crate::picture;
 use crate::vision::chessboard::Chessboard;
+use crate::{Distortion, LensModel, picture};
 
 /// Estimate a camera's intrinsics from pictures of a chessboard.
 #[derive(Args)]
@@ -19,8 +19,9 @@ use crate::vision::chessboard::Chessboard;
 Film a printed chessboard that fills a good part of the picture, tilted this way and that, ten times or more, in every
 corner of the view. The pattern is counted in inner corners.
 
-Example:
-  calib intrinsics board/*.jpg --pattern 9x6 --square 0.025 --out cam1.toml")]
+Examples:
+  calib intrinsics board/*.jpg --pattern 9x6 --square 0.025 --out cam1.toml
+  calib intrinsics board/*.jpg --pattern 9x6 --square 0.025 --model fisheye --out cam2.toml")]
 pub(crate) struct Intrinsics {
     /// Pictures of the board, all of one size
     #[arg(required = true)]
@@ -31,6 +32,9 @@ pub(crate) struct Intrinsics {
     /// Side of a square, metres
     #[arg(long, value_name = "METRES", value_parser = SIZE_M.number())]
     square: f64,
+    /// Model of the lens: `rational` for wide angles that brown-conrady does not fit, `fisheye` from about 120° on
+    #[arg(long, value_name = "NAME", default_value_t)]
+    model: LensModel,
     /// File to write the intrinsics to (TOML, as `room.toml` names it)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -44,6 +48,16 @@ pub(crate) struct Intrinsics {
 
 /// Factor over the median residual from which on a view is warned of: a blurred or mistaken board.
 const OUTLIER_FACTOR: f64 = 3.0;
+
+/// The coefficients by name; those of the tangential part, which are smaller, with one digit more.
+fn distortion_line(distortion: &Distortion) -> String {
+    let names = distortion.model().coefficient_names();
+    let named = names.iter().zip(distortion.coefficients()).map(|(name, value)| {
+        let digits = if name.starts_with('p') { 5 } else { 4 };
+        format!("{name} {value:.digits$}")
+    });
+    format!("distortion       {}", named.collect::<Vec<_>>().join("  "))
+}
 
 impl Intrinsics {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
@@ -81,7 +95,7 @@ impl Intrinsics {
                 )?,
             }
         }
-        let found = self.pattern.calibrate(&views, size.unwrap_or((0, 0)), self.square)?;
+        let found = self.pattern.calibrate(&views, size.unwrap_or((0, 0)), self.square, self.model)?;
         let verdict = CalibrationVerdict::of(&found);
         verdict.refuse_wrong_model(&found, &self.out)?;
         if let Some(path) = &self.uncertainty {
@@ -102,8 +116,7 @@ impl Intrinsics {
             writeln!(out, "{}: {rms:.3} px{note}", path.display())?;
         }
         super::print_lens(&mut out, k, found.sigma_px)?;
-        let [k1, k2, p1, p2, k3] = k.distortion.into();
-        writeln!(out, "distortion       k1 {k1:.4}  k2 {k2:.4}  p1 {p1:.5}  p2 {p2:.5}  k3 {k3:.4}")?;
+        writeln!(out, "{}", distortion_line(&k.distortion))?;
         writeln!(out, "residual         {:.3} px rms over {} views", found.rms_px, views.len())?;
         if let Some(line) = verdict.rays_line() {
             writeln!(out, "rays             {line}")?;

@@ -5,14 +5,15 @@ use std::fmt;
 use std::str::FromStr;
 
 use image::{GrayImage, RgbImage};
-use nalgebra::{Isometry3, Point2, Point3, Rotation3, Vector2, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, Vector2, Vector3};
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, TermCriteria_Type, Vec3d, Vector};
 use opencv::prelude::*;
 use opencv::{calib3d, imgproc};
 
 use super::adapter;
-use crate::ray_uncertainty::BoardView;
-use crate::{Error, Intrinsics, Result};
+use crate::board_adjustment::fit_fisheye;
+use crate::ray_uncertainty::{BoardView, RayUncertainty};
+use crate::{Distortion, Error, Intrinsics, LensModel, Result};
 
 /// Numbers of inner corners on a side.
 const SIDES: std::ops::RangeInclusive<u32> = 3..=500;
@@ -53,6 +54,9 @@ impl fmt::Display for Chessboard {
         write!(f, "{}x{}", self.columns, self.rows)
     }
 }
+
+/// Corners of a board, metres on it, with their pixels.
+type BoardCorners = Vec<(Point3<f64>, Point2<f64>)>;
 
 /// Estimate of a camera's intrinsics from views of a chessboard.
 #[derive(Debug, Clone)]
@@ -107,7 +111,7 @@ impl Chessboard {
             .map_err(adapter::refused("drawing a chessboard"))
     }
 
-    /// Estimates the intrinsics from the corners of several views; squares of `square_m` metres.
+    /// Estimates the intrinsics of a lens of this model from the corners of several views; squares of `square_m` metres.
     ///
     /// # Errors
     /// [`Error::Degenerate`] for fewer than three views, or views that do not determine the focal length: copies of
@@ -117,6 +121,7 @@ impl Chessboard {
         views: &[Vec<Point2<f64>>],
         size: (u32, u32),
         square_m: f64,
+        model: LensModel,
     ) -> Result<Calibration> {
         if views.len() < 3 {
             return Err(Error::Degenerate(format!(
@@ -124,23 +129,86 @@ impl Chessboard {
                 views.len()
             )));
         }
-        let calibrating = adapter::refused("calibrating");
-        let board: Vector<Point3f> = (0..self.rows)
+        let corners: Vec<Point3<f64>> = (0..self.rows)
             .flat_map(|row| (0..self.columns).map(move |column| (row, column)))
-            .map(|(row, column)| {
-                Point3f::new(column as f32 * square_m as f32, row as f32 * square_m as f32, 0.0)
-            })
+            .map(|(row, column)| Point3::new(f64::from(column) * square_m, f64::from(row) * square_m, 0.0))
             .collect();
-        let boards: Vector<Vector<Point3f>> = views.iter().map(|_| board.clone()).collect();
-        let seen: Vector<Vector<Point2f>> = views
+        let boards: Vec<BoardCorners> =
+            views.iter().map(|view| corners.iter().copied().zip(view.iter().copied()).collect()).collect();
+        let found = match model {
+            LensModel::Fisheye => self.fisheye(&boards, size)?,
+            model => Self::by_opencv(&boards, size, model)?,
+        };
+        // Exact corners leave no residual, however well the views determine the camera.
+        let noise = (CORNER_SIGMA_PX / found.rms_px).max(1.0);
+        let certain = |sigma: f64, focal: f64| noise * sigma <= LARGEST_FOCAL_SIGMA * focal;
+        let (k, s) = (&found.intrinsics, &found.sigma_px);
+        // The deviations come from a pseudo-inverse, which hides directions that are not determined at all.
+        let tilt_deg = largest_tilt_deg(&found.views);
+        if !(tilt_deg >= LEAST_TILT_DEG && certain(s[0], k.fx) && certain(s[1], k.fy)) {
+            return Err(self.tells_no_focal_length(views.len()));
+        }
+        k.validate()?;
+        Ok(found)
+    }
+
+    fn tells_no_focal_length(self, views: usize) -> Error {
+        Error::Degenerate(format!(
+            "{views} views of the {self} board do not tell the focal length; tilt the board by 30° in some of them, \
+             each time another way, and leave out copies"
+        ))
+    }
+
+    /// Calibration of a fisheye.
+    fn fisheye(self, boards: &[BoardCorners], size: (u32, u32)) -> Result<Calibration> {
+        let found = fit_fisheye(boards, size).ok_or_else(|| {
+            Error::Degenerate(
+                "no fisheye shows the boards where they were found; keep them within 85° of the lens's axis, or check \
+                 --pattern"
+                    .into(),
+            )
+        })?;
+        let squares: Vec<f64> = found
+            .views
             .iter()
-            .map(|v| v.iter().map(|c| Point2f::new(c.x as f32, c.y as f32)).collect::<Vector<Point2f>>())
+            .map(|view| view.mean_square_px2(&found.intrinsics).unwrap_or(f64::NAN))
+            .collect();
+        // Every view has as many corners.
+        let rms_px = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        let uncertainty = RayUncertainty::of(&found.intrinsics, &found.views, 0.0)
+            .ok_or_else(|| self.tells_no_focal_length(boards.len()))?;
+        Ok(Calibration {
+            sigma_px: uncertainty.sigma_of_matrix_px(),
+            rms_px,
+            view_rms_px: squares.into_iter().map(f64::sqrt).collect(),
+            intrinsics: found.intrinsics,
+            views: found.views,
+        })
+    }
+
+    /// Calibration of a lens with radial and tangential coefficients.
+    fn by_opencv(boards: &[BoardCorners], size: (u32, u32), model: LensModel) -> Result<Calibration> {
+        let calibrating = adapter::refused("calibrating");
+        let of_view = |view: &BoardCorners| -> Vector<Point3f> {
+            view.iter().map(|(p, _)| Point3f::new(p.x as f32, p.y as f32, p.z as f32)).collect()
+        };
+        let objects: Vector<Vector<Point3f>> = boards.iter().map(of_view).collect();
+        let seen: Vector<Vector<Point2f>> = boards
+            .iter()
+            .map(|v| v.iter().map(|(_, c)| Point2f::new(c.x as f32, c.y as f32)).collect::<Vector<Point2f>>())
             .collect();
         let (mut matrix, mut distortion) = (Mat::default(), Mat::default());
         let (mut rotations, mut translations) = (Mat::default(), Mat::default());
         let (mut sigma, mut sigma_poses, mut per_view) = (Mat::default(), Mat::default(), Mat::default());
-        let rms_px = calib3d::calibrate_camera_extended_def(
-            &boards,
+        // OpenCV's own defaults.
+        let until = TermCriteria::new(
+            TermCriteria_Type::COUNT as i32 | TermCriteria_Type::EPS as i32,
+            30,
+            f64::EPSILON,
+        )
+        .map_err(&calibrating)?;
+        let rms_px = calib3d::calibrate_camera_extended(
+            &objects,
             &seen,
             Size::new(size.0 as i32, size.1 as i32),
             &mut matrix,
@@ -150,23 +218,15 @@ impl Chessboard {
             &mut sigma,
             &mut sigma_poses,
             &mut per_view,
+            if model == LensModel::Rational { calib3d::CALIB_RATIONAL_MODEL } else { 0 },
+            until,
         )
         .map_err(&calibrating)?;
         let numbers =
             |mat: &Mat| -> Result<Vec<f64>> { Ok(mat.data_typed::<f64>().map_err(&calibrating)?.to_vec()) };
-        let (k, d, s) = (numbers(&matrix)?, numbers(&distortion)?, numbers(&sigma)?);
-        // Exact corners leave no residual, however well the views determine the camera.
-        let noise = (CORNER_SIGMA_PX / rms_px).max(1.0);
-        let certain = |sigma: f64, focal: f64| noise * sigma <= LARGEST_FOCAL_SIGMA * focal;
-        // The deviations come from a pseudo-inverse, which hides directions that are not determined at all.
-        let tilt_deg = largest_tilt_deg(rotations.data_typed::<Vec3d>().map_err(&calibrating)?);
-        if !(tilt_deg >= LEAST_TILT_DEG && certain(s[0], k[0]) && certain(s[1], k[4])) {
-            return Err(Error::Degenerate(format!(
-                "{} views of the {self} board do not tell the focal length; tilt the board by 30° in some of them, \
-                 each time another way, and leave out copies",
-                views.len()
-            )));
-        }
+        let (k, mut d, s) = (numbers(&matrix)?, numbers(&distortion)?, numbers(&sigma)?);
+        // OpenCV pads the rational model with the numbers of further ones.
+        d.truncate(model.coefficient_names().len());
         let intrinsics = Intrinsics {
             width: size.0,
             height: size.1,
@@ -174,18 +234,14 @@ impl Chessboard {
             fy: k[4],
             cx: k[2],
             cy: k[5],
-            distortion: [d[0], d[1], d[2], d[3], d[4]].into(),
+            distortion: Distortion::new(model, &d).map_err(Error::Invalid)?,
         };
-        intrinsics.validate()?;
-        let corners: Vec<Point3<f64>> =
-            board.iter().map(|p| Point3::new(p.x.into(), p.y.into(), p.z.into())).collect();
         let poses = rotations.data_typed::<Vec3d>().map_err(&calibrating)?.iter();
         let poses = poses.zip(translations.data_typed::<Vec3d>().map_err(&calibrating)?);
         let poses = poses.map(|(turn, at)| Isometry3::new(Vector3::from(at.0), Vector3::from(turn.0)));
-        let views = poses.zip(views).map(|(camera_from_board, pixels)| BoardView {
-            camera_from_board,
-            corners: corners.iter().copied().zip(pixels.iter().copied()).collect(),
-        });
+        let views = poses
+            .zip(boards)
+            .map(|(camera_from_board, corners)| BoardView { camera_from_board, corners: corners.clone() });
         Ok(Calibration {
             views: views.collect(),
             intrinsics,
@@ -196,12 +252,10 @@ impl Chessboard {
     }
 }
 
-/// Largest angle between the normals of two boards, degrees; `rotation_vectors` has one a board.
-fn largest_tilt_deg(rotation_vectors: &[Vec3d]) -> f64 {
-    let normals: Vec<Vector3<f64>> = rotation_vectors
-        .iter()
-        .map(|v| Rotation3::from_scaled_axis(Vector3::from(v.0)) * Vector3::z())
-        .collect();
+/// Largest angle between the normals of two boards, degrees.
+fn largest_tilt_deg(views: &[BoardView]) -> f64 {
+    let normals: Vec<Vector3<f64>> =
+        views.iter().map(|view| view.camera_from_board.rotation * Vector3::z()).collect();
     let angles = normals.iter().flat_map(|a| normals.iter().map(|b| a.angle(b)));
     angles.fold(0.0, f64::max).to_degrees()
 }
@@ -209,6 +263,8 @@ fn largest_tilt_deg(rotation_vectors: &[Vec3d]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Fisheye, Rational};
+    use nalgebra::Rotation3;
 
     #[test]
     fn patterns_are_read_and_refused() {
@@ -220,12 +276,20 @@ mod tests {
 
     /// Exact corners of a board of 25 mm squares half a metre away, turned by these angles, at (x, y) from the axis.
     fn seen(tilts_deg: &[[f64; 2]], places_m: &[[f64; 2]]) -> Vec<Vec<Point2<f64>>> {
-        let camera = Intrinsics::from_horizontal_fov(640, 480, 60.0);
+        seen_by(&Intrinsics::from_horizontal_fov(640, 480, 60.0), tilts_deg, places_m, 0.5)
+    }
+
+    fn seen_by(
+        camera: &Intrinsics,
+        tilts_deg: &[[f64; 2]],
+        places_m: &[[f64; 2]],
+        away_m: f64,
+    ) -> Vec<Vec<Point2<f64>>> {
         let view = |([around_x, around_y], [x, y]): (&[f64; 2], &[f64; 2])| {
             let turn = Rotation3::from_euler_angles(around_x.to_radians(), around_y.to_radians(), 0.0);
             let corner = |i: u32| {
                 let on_board = Vector3::new(f64::from(i % 9) - 4.0, f64::from(i / 9) - 2.5, 0.0);
-                let at = turn * (on_board * 0.025) + Vector3::new(*x, *y, 0.5);
+                let at = turn * (on_board * 0.025) + Vector3::new(*x, *y, away_m);
                 camera.project(&at.into()).unwrap()
             };
             (0..54).map(corner).collect()
@@ -239,11 +303,13 @@ mod tests {
     fn views_that_tell_no_lens_are_refused() {
         let board: Chessboard = "9x6".parse().unwrap();
         let tilted = [[0.0, 0.0], [30.0, 0.0], [-25.0, 20.0], [0.0, 30.0], [10.0, -30.0]];
-        let found = board.calibrate(&seen(&tilted, &PLACES_M), (640, 480), 0.025).unwrap();
+        let found =
+            board.calibrate(&seen(&tilted, &PLACES_M), (640, 480), 0.025, LensModel::BrownConrady).unwrap();
         let expected = Intrinsics::from_horizontal_fov(640, 480, 60.0).fx;
         assert!((found.intrinsics.fx / expected - 1.0).abs() < 0.01, "{found:?}");
         let refused = |views: &[Vec<Point2<f64>>]| {
-            let said = board.calibrate(views, (640, 480), 0.025).unwrap_err().to_string();
+            let said =
+                board.calibrate(views, (640, 480), 0.025, LensModel::BrownConrady).unwrap_err().to_string();
             assert!(said.contains("focal length") && said.contains("tilt the board"), "{said}");
         };
         // All parallel, facing the camera or aslant; one view three times.
@@ -269,7 +335,7 @@ mod tests {
         let views: Vec<_> =
             paths.iter().filter_map(|p| board.find(&image::open(p).unwrap().into_luma8()).unwrap()).collect();
         assert_eq!(views.len(), 13);
-        let found = board.calibrate(&views, (640, 480), 0.025).unwrap();
+        let found = board.calibrate(&views, (640, 480), 0.025, LensModel::BrownConrady).unwrap();
         // OpenCV's own sample calibration of these images (left_intrinsics.yml): f 535.9, c (342.3, 235.6), 0.39 px.
         assert!(
             (found.intrinsics.fx - 535.9).abs() < 4.0 && (found.intrinsics.fy - 535.9).abs() < 4.0,
@@ -282,11 +348,55 @@ mod tests {
         assert!(found.rms_px < 0.45 && found.view_rms_px.len() == 13, "{found:?}");
         for view in &views {
             let copies = [view.clone(), view.clone(), view.clone()];
-            let said = board.calibrate(&copies, (640, 480), 0.025).unwrap_err().to_string();
+            let said =
+                board.calibrate(&copies, (640, 480), 0.025, LensModel::BrownConrady).unwrap_err().to_string();
             assert!(said.contains("tilt the board"), "{said}");
         }
         for three in views.windows(3) {
-            board.calibrate(three, (640, 480), 0.025).unwrap();
+            board.calibrate(three, (640, 480), 0.025, LensModel::BrownConrady).unwrap();
+        }
+    }
+
+    /// Corners of a lens of the model, with noise of a twentieth of a pixel, give the lens back, and its uncertainty.
+    #[test]
+    fn wide_lenses_are_found_with_their_model() {
+        let board: Chessboard = "9x6".parse().unwrap();
+        let lenses: [Distortion; 2] = [
+            Rational::from([0.25, 0.03, 0.001, -0.001, 0.001, 0.55, 0.1, 0.005]).into(),
+            Fisheye::from([0.02, -0.006, 0.001, -0.0002]).into(),
+        ];
+        for distortion in lenses {
+            let truth = Intrinsics {
+                fx: 265.0,
+                fy: 264.0,
+                distortion,
+                ..Intrinsics::from_horizontal_fov(640, 480, 60.0)
+            };
+            let tilts = [[10.0, 5.0], [30.0, 0.0], [-25.0, 20.0], [0.0, 30.0], [10.0, -30.0], [-30.0, -10.0]];
+            let places = [[0.0, 0.0], [0.25, 0.1], [-0.25, 0.1], [0.2, -0.12], [-0.2, -0.1], [0.1, 0.14]];
+            let mut views = Vec::new();
+            for (at, place) in places.iter().enumerate() {
+                for turned in 0..2 {
+                    let tilt = tilts[(at + 2 * turned) % 6];
+                    views.extend(seen_by(&truth, &[tilt], &[*place], 0.25));
+                }
+            }
+            for (i, pixel) in views.iter_mut().flatten().enumerate() {
+                let wave = |step: f64| 0.07 * (step * i as f64).sin();
+                *pixel += Vector2::new(wave(12.9898), wave(78.233));
+            }
+            let found = board.calibrate(&views, (640, 480), 0.025, distortion.model()).unwrap();
+            assert!(found.rms_px < 0.1, "{found:?}");
+            let sigma = found.sigma_px[0];
+            assert!(
+                sigma > 0.0 && (found.intrinsics.fx - truth.fx).abs() < 6.0 * sigma.max(0.05),
+                "{found:?}"
+            );
+            for (u, v) in [(320.0, 240.0), (100.0, 240.0), (540.0, 380.0)] {
+                let pixel = Point2::new(u, v);
+                let [own, true_ray] = [&found.intrinsics, &truth].map(|k| k.unproject(&pixel).unwrap());
+                assert!(own.angle(&true_ray) < 3e-3, "{pixel}: {} rad", own.angle(&true_ray));
+            }
         }
     }
 
@@ -294,6 +404,12 @@ mod tests {
     fn no_board_is_no_error_and_no_views_are() {
         let board: Chessboard = "9x6".parse().unwrap();
         assert_eq!(board.find(&GrayImage::new(64, 48)).unwrap(), None);
-        assert!(board.calibrate(&[], (64, 48), 0.025).unwrap_err().to_string().contains("at least 3"));
+        assert!(
+            board
+                .calibrate(&[], (64, 48), 0.025, LensModel::BrownConrady)
+                .unwrap_err()
+                .to_string()
+                .contains("at least 3")
+        );
     }
 }

@@ -60,14 +60,14 @@ impl Linearised {
     pub(super) fn by_lens(&self, lens: &Intrinsics) -> LensJacobian {
         let p = &self.camera_point;
         let n = Vector2::new(p.x / p.z, p.y / p.z);
-        let (d, r2) = (lens.distortion.distort(n), n.norm_squared());
+        let (d, [a, b]) = (lens.distortion.distort(n), lens.distortion.leading_factors(n));
         LensJacobian::new(
             lens.fx * d.x,
-            lens.fx * n.x * r2,
-            lens.fx * n.x * r2 * r2,
+            lens.fx * n.x * a,
+            lens.fx * n.x * a * b,
             lens.fy * d.y,
-            lens.fy * n.y * r2,
-            lens.fy * n.y * r2 * r2,
+            lens.fy * n.y * a,
+            lens.fy * n.y * a * b,
         )
     }
 }
@@ -104,26 +104,30 @@ pub(super) fn moved_lens(lens: &Intrinsics, step: &[f64]) -> Intrinsics {
     let mut moved = lens.clone();
     moved.fx *= step[0].exp();
     moved.fy *= step[0].exp();
-    moved.distortion.k1 += step[1];
-    moved.distortion.k2 += step[2];
+    moved.distortion = moved.distortion.bent([step[1], step[2]]);
     moved
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib::Distortion;
     use calib::least_squares::moved_pose;
+    use calib::{Distortion, Fisheye, Rational};
     use proptest::prelude::*;
 
     proptest! {
         #[test]
         fn jacobians_match_finite_differences(
             x in -1.0..1.0, y in -1.0..1.0, z in 2.0..6.0,
-            turn in prop::array::uniform3(-0.4..0.4), shift in prop::array::uniform3(-0.5..0.5),
+            turn in prop::array::uniform3(-0.4..0.4), shift in prop::array::uniform3(-0.5..0.5), which in 0..3usize,
         ) {
             let mut lens = Intrinsics::from_horizontal_fov(640, 480, 70.0);
-            lens.distortion = Distortion { k1: -0.1, k2: 0.03, p1: 0.001, p2: -0.002, k3: 0.0 };
+            let models: [Distortion; 3] = [
+                [-0.1, 0.03, 0.001, -0.002, 0.0].into(),
+                Rational::from([0.2, 0.05, 0.001, -0.002, 0.01, 0.4, 0.1, 0.01]).into(),
+                Fisheye::from([-0.02, 0.005, -0.001, 0.0002]).into(),
+            ];
+            lens.distortion = models[which];
             let pose = Isometry3::new(Vector3::from(shift), Vector3::from(turn));
             let (point, pixel) = (Point3::new(x, y, z), Point2::new(200.0, 300.0));
             let matrix = PoseMatrix::new(&pose);

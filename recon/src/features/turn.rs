@@ -37,7 +37,7 @@ impl CoarseScales {
         }
         scales.reverse();
         let sized = scales.into_iter().map(|s| {
-            let camera = intrinsics.pinhole().resized(s.width as u32, s.height as u32);
+            let camera = intrinsics.without_distortion().resized(s.width as u32, s.height as u32);
             (s, camera)
         });
         Self(sized.collect())

@@ -94,16 +94,13 @@ pub(super) fn settle(partial: &mut PartialReconstruction<'_>, given: bool, refin
 }
 
 fn contradicted(given: &Intrinsics, found: &Intrinsics, sigma: f64) -> String {
+    let ([given_k1, given_k2], [k1, k2]) = (given.distortion.leading(), found.distortion.leading());
     format!(
-        "its capture speaks against its intrinsics, which give a focal length of {:.1} px, k1 {:.3}, k2 {:.3}; \
-         in the capture these are {:.1} ± {:.1} px, {:.3}, {:.3}; calibrate it anew at this focus, or try --refine-intrinsics",
+        "its capture speaks against its intrinsics, which give a focal length of {:.1} px, k1 {given_k1:.3}, k2 {given_k2:.3}; \
+         in the capture these are {:.1} ± {:.1} px, {k1:.3}, {k2:.3}; calibrate it anew at this focus, or try --refine-intrinsics",
         given.fx,
-        given.distortion.k1,
-        given.distortion.k2,
         found.fx,
-        sigma * found.fx,
-        found.distortion.k1,
-        found.distortion.k2
+        sigma * found.fx
     )
 }
 
@@ -132,8 +129,8 @@ fn alike(a: &Intrinsics, b: &Intrinsics) -> bool {
 
 /// Change from one lens to another, in `(ln f, k1, k2)`.
 fn change(from: &Intrinsics, to: &Intrinsics) -> Vector3<f64> {
-    let (d, e) = (&from.distortion, &to.distortion);
-    Vector3::new((to.fx / from.fx).ln(), e.k1 - d.k1, e.k2 - d.k2)
+    let ([k1, k2], [to_k1, to_k2]) = (from.distortion.leading(), to.distortion.leading());
+    Vector3::new((to.fx / from.fx).ln(), to_k1 - k1, to_k2 - k2)
 }
 
 /// The lens after a [`change`].
@@ -141,8 +138,7 @@ fn changed(from: &Intrinsics, by: &Vector3<f64>) -> Intrinsics {
     let mut to = from.clone();
     to.fx *= by.x.exp();
     to.fy *= by.x.exp();
-    to.distortion.k1 += by.y;
-    to.distortion.k2 += by.z;
+    to.distortion = to.distortion.bent([by.y, by.z]);
     to
 }
 
@@ -178,7 +174,7 @@ mod tests {
     #[test]
     fn a_change_leads_where_it_was_taken_from() {
         let mut from = Intrinsics::from_horizontal_fov(640, 480, 60.0);
-        from.distortion.k2 = 0.02;
+        from.distortion = [0.0, 0.02, 0.0, 0.0, 0.0].into();
         let by = Vector3::new(-0.03, 0.05, -0.07);
         let to = changed(&from, &by);
         assert!((change(&from, &to) - by).norm() < 1e-12);

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use calib::relocation::{Landmarks, Relocation, SceneDepth};
 use calib::video::FrameSource;
-use calib::{Camera, picture};
+use calib::{Camera, Intrinsics, picture};
 use image::imageops::{self, FilterType};
 use image::{GrayImage, RgbImage};
 use nalgebra::{Point3, Vector3};
@@ -149,7 +149,8 @@ fn landmarks(room_dir: &Path, room: &Room, own: &RoomCamera) -> Result<Vec<Landm
         let map = depth::cached(room_dir, room, &camera.name)?;
         let intrinsics = k.resized(grey.width(), grey.height());
         let view = Camera { intrinsics, camera_from_world: camera.camera.camera_from_world };
-        found.push(Landmarks::of(&grey, &view, |ray| depth_along(&map, &camera.camera, ray))?);
+        let twin = k.pinhole();
+        found.push(Landmarks::of(&grey, &view, |ray| depth_along(&map, &twin, ray))?);
     }
     if found.is_empty() {
         return Err(Error::content(
@@ -162,8 +163,8 @@ fn landmarks(room_dir: &Path, room: &Room, own: &RoomCamera) -> Result<Vec<Landm
 }
 
 /// Depth along a ray of a camera, from the map of its pinhole twin.
-fn depth_along(map: &DepthMap, camera: &Camera, ray: &Vector3<f64>) -> Option<SceneDepth> {
-    let pixel = camera.intrinsics.pinhole().project(&Point3::from(*ray))?;
+fn depth_along(map: &DepthMap, twin: &Intrinsics, ray: &Vector3<f64>) -> Option<SceneDepth> {
+    let pixel = twin.project(&Point3::from(*ray))?;
     let surface = map.surface_at(&pixel)?;
     Some(SceneDepth { z_m: surface.z_m, sigma_m: surface.sigma_m })
 }

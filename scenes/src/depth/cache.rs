@@ -37,8 +37,11 @@ pub fn cached_all(room_dir: &Path, room: &Room) -> Result<Vec<DepthMap>> {
 fn of_cameras(room_dir: &Path, geometry: Option<&Geometry>, cameras: &[RoomCamera]) -> Result<Vec<DepthMap>> {
     let pinhole = |c: &RoomCamera| Camera { intrinsics: c.camera.intrinsics.pinhole(), ..c.camera.clone() };
     let Some(geometry) = geometry else {
-        let size = |c: &RoomCamera| DepthMap::nothing(c.camera.intrinsics.width, c.camera.intrinsics.height);
-        return Ok(cameras.iter().map(size).collect());
+        let nothing = |c: &RoomCamera| {
+            let twin = c.camera.intrinsics.pinhole();
+            DepthMap::nothing(twin.width, twin.height)
+        };
+        return Ok(cameras.iter().map(nothing).collect());
     };
     let shape = geometry.shape_hash();
     let mut scene = None;
@@ -122,7 +125,7 @@ mod tests {
             confidence: 1.0,
         };
         let mut intrinsics = Intrinsics::from_horizontal_fov(64, 48, 80.0);
-        intrinsics.distortion.k1 = -0.2;
+        intrinsics.distortion = [-0.2, 0.0, 0.0, 0.0, 0.0].into();
         let camera = Camera { intrinsics, camera_from_world: Isometry3::identity() };
         let camera = |name: &str| RoomCamera { name: name.into(), camera: camera.clone(), reference: None };
         Room {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use calib::files::{matrix_from_rows, rows_of_matrix};
-use calib::{Camera, Distortion, Intrinsics};
+use calib::{Camera, Distortion, Intrinsics, LensModel};
 use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 
@@ -55,8 +55,9 @@ pub(super) struct CameraTable {
     width: u32,
     height: u32,
     matrix: [[f64; 3]; 3],
-    #[serde(default)]
-    distortion: Distortion,
+    #[serde(default, skip_serializing_if = "LensModel::is_default")]
+    lens: LensModel,
+    distortion: Option<Vec<f64>>,
     rotation: [[f64; 3]; 3],
     translation: [f64; 3],
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -66,13 +67,11 @@ pub(super) struct CameraTable {
 impl CameraTable {
     /// Converts to a camera, or names the invalid key and its problem.
     pub(super) fn camera(self) -> Result<RoomCamera, (&'static str, String)> {
-        let intrinsics = Intrinsics::from_matrix(
-            self.width,
-            self.height,
-            &matrix_from_rows(&self.matrix),
-            self.distortion,
-        )
-        .map_err(|e| ("width, height, matrix, distortion", e.to_string()))?;
+        let distortion = Distortion::from_file(self.lens, self.distortion.as_deref())
+            .map_err(|problem| ("lens, distortion", problem))?;
+        let intrinsics =
+            Intrinsics::from_matrix(self.width, self.height, &matrix_from_rows(&self.matrix), distortion)
+                .map_err(|e| ("width, height, matrix, distortion", e.to_string()))?;
         let rotation = calib::rotation::from_matrix(&matrix_from_rows(&self.rotation))
             .map_err(|e| ("rotation", e.to_string()))?;
         let camera_from_world = Isometry3::from_parts(Translation3::from(self.translation), rotation);
@@ -87,7 +86,8 @@ impl CameraTable {
             width: intrinsics.width,
             height: intrinsics.height,
             matrix: rows_of_matrix(&intrinsics.matrix()),
-            distortion: intrinsics.distortion,
+            lens: intrinsics.distortion.model(),
+            distortion: Some(intrinsics.distortion.coefficients()),
             rotation: rows_of_matrix(camera_from_world.rotation.to_rotation_matrix().matrix()),
             translation: camera_from_world.translation.vector.into(),
             reference: reference.clone(),

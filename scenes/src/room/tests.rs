@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use approx::assert_relative_eq;
-use calib::{Camera, Intrinsics};
+use calib::{Camera, Fisheye, Intrinsics};
 use glam::Vec3;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion};
 use proptest::prelude::*;
@@ -196,7 +196,7 @@ fn wrong_values_name_their_place() {
     let matrix = said_after(|text| replace_value(text, "matrix", "[[0.0, 0, 0], [0, 1, 0], [0, 0, 1]]"));
     assert!(matrix.contains("matrix") && matrix.contains("not positive"), "{matrix}");
     let distortion = said_after(|text| replace_value(text, "distortion", "[0.0, 0.0]"));
-    assert!(distortion.contains("line"), "{distortion}");
+    assert!(distortion.contains("`cam1`") && distortion.contains("2 numbers"), "{distortion}");
     let size = said_after(|text| text.replacen("width = 640", "width = 4000000000", 1));
     assert!(size.contains("image size"), "{size}");
     let size = said_after(|text| text.replacen("width = 640", "width = 0", 1));
@@ -315,4 +315,29 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn a_lens_by_name_comes_back_and_one_without_is_written_as_ever() {
+    let folder = TempDir::new().unwrap();
+    let mut room = room();
+    room.cameras[1].camera.intrinsics.distortion = Fisheye::from([-0.02, 0.1 + 0.2, -0.003, 0.0004]).into();
+    room.write(folder.path()).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    assert_eq!(text.matches("lens = ").count(), 1, "{text}");
+    assert!(text.contains("distortion = [-0.2, 0.1, 0.0001, -0.002, 0.0123456789]"), "{text}");
+    let back = Room::read(folder.path()).unwrap();
+    for (found, expected) in back.cameras.iter().zip(&room.cameras) {
+        assert_eq!(found.camera.intrinsics, expected.camera.intrinsics);
+    }
+    let said = |from: &str, to: &str| {
+        std::fs::write(folder.path().join("scene.toml"), text.replace(from, to)).unwrap();
+        Room::read(folder.path()).unwrap_err().to_string()
+    };
+    let line = said("lens = \"fisheye\"", "lens = \"rational\"");
+    assert!(line.contains("`Küche links`") && line.contains("4 numbers") && line.contains("has 8"), "{line}");
+    let line = said("lens = \"fisheye\"\n", "");
+    assert!(line.contains("4 numbers") && line.contains("\"fisheye\"") && !line.contains('\n'), "{line}");
+    let line = said("lens = \"fisheye\"", "lens = \"fish-eye\"");
+    assert!(line.contains("line ") && line.contains("fish-eye"), "{line}");
 }

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use calib::video::{FilmWriter, FrameSource};
-use calib::{Distortion, Intrinsics};
+use calib::{BrownConrady, Distortion, Intrinsics};
 use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Point3};
 use scenes::room::Room;
@@ -40,7 +40,8 @@ const FULL_HD: [u32; 2] = [1920, 1080];
 
 /// A lens with k1 = −0.3. With k1 alone the image of the plane folds back 46° from the axis, within a picture of this
 /// shape; lenses that see so far have a positive k2.
-const WIDE_LENS: Distortion = Distortion { k1: -0.3, k2: 0.09, p1: 0.0, p2: 0.0, k3: 0.0 };
+const WIDE_LENS: Distortion =
+    Distortion::BrownConrady(BrownConrady { k1: -0.3, k2: 0.09, ..BrownConrady::NONE });
 
 /// Camera of full high definition at the place of another, with the wide lens. The other camera's picture fills its
 /// height; beside that picture its own is black.

@@ -74,7 +74,7 @@ impl StationBuilder<'_> {
         let camera = self.room.camera_index(&name);
         let of_stage = camera.map(|i| &self.room.cameras[i]);
         let of_stage = of_stage.with_context(|| format!("the room has no camera `{name}`"))?;
-        let size = (of_stage.width(), of_stage.height());
+        let size = of_stage.real_size();
         let filmed_size = (of_stage.filmed.intrinsics.width, of_stage.filmed.intrinsics.height);
         if masks.is_some() && matches!(video, Some(VideoSource::Live(_))) {
             let problem = format!(
@@ -182,7 +182,8 @@ fn read_reference(path: &Path, camera: &PreparedCamera) -> anyhow::Result<RgbIma
     if (width, height) != (filmed.width, filmed.height) {
         bail!("{spec}: is {width} × {height} pixels, the camera films {} × {}", filmed.width, filmed.height);
     }
-    let mut picture = RgbImage::new(camera.width(), camera.height());
+    let (width, height) = camera.real_size();
+    let mut picture = RgbImage::new(width, height);
     source.advance()?;
     source.picture(&mut picture)?;
     Ok(picture)

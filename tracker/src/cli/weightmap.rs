@@ -72,7 +72,7 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let mut cameras = Vec::new();
     for (i, source) in sources.into_iter().enumerate() {
         let (name, camera) = (source.name, &prepared.cameras[i]);
-        let size = (camera.width(), camera.height());
+        let size = camera.real_size();
         let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
         let video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
         if needs_empty && let Some(scene) = args.background.start(&name, &video, filmed, size)?.empty_scene()

@@ -12,6 +12,10 @@ pub(super) struct PanelLens {
     pub(super) width: u32,
     /// Panel height, pixels.
     pub(super) height: u32,
+    /// Width of the pinhole image, pixels.
+    pub(super) pinhole_width: u32,
+    /// Height of the pinhole image, pixels.
+    pub(super) pinhole_height: u32,
     /// For each panel pixel the index of the pinhole pixel that it shows. Empty when they are the same.
     pinhole_index: Vec<Option<u32>>,
 }
@@ -19,21 +23,23 @@ pub(super) struct PanelLens {
 impl PanelLens {
     /// Panel of a camera whose working size is the panel's.
     pub(super) fn new(camera: &PreparedCamera) -> Self {
-        let (width, height) = (camera.width(), camera.height());
+        let (width, height) = camera.real_size();
+        let (pinhole_width, pinhole_height) = (camera.width(), camera.height());
         let index = |x: u32, y: u32| {
             let real = Point2::new(f64::from(x), f64::from(y));
             let ray = camera.real.intrinsics.unproject(&real)?;
             let pinhole = camera.pinhole.intrinsics.project(&ray.into())?;
             let (u, v) = (pinhole.x.round(), pinhole.y.round());
-            let inside = u >= 0.0 && v >= 0.0 && u < f64::from(width) && v < f64::from(height);
-            inside.then(|| v as u32 * width + u as u32)
+            let inside =
+                u >= 0.0 && v >= 0.0 && u < f64::from(pinhole_width) && v < f64::from(pinhole_height);
+            inside.then(|| v as u32 * pinhole_width + u as u32)
         };
         let pinhole_index = if camera.undistort.is_identity() {
             Vec::new()
         } else {
             (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| index(x, y)).collect()
         };
-        Self { width, height, pinhole_index }
+        Self { width, height, pinhole_width, pinhole_height, pinhole_index }
     }
 
     /// Calls `change` for each pixel of a panel with the value of `pinhole` (row by row) there.

@@ -97,9 +97,9 @@ impl Painter {
         (self.camera.pinhole.camera_from_world * body.ellipsoid().center).z
     }
 
-    /// Mask at the panel's size: foreground for each pixel of its pinhole image, row by row.
+    /// Mask at the panel's scale: foreground for each pixel of its pinhole image, row by row.
     fn resized(&self, mask: &Mask) -> Vec<bool> {
-        let (width, height) = (self.lens.width, self.lens.height);
+        let (width, height) = (self.lens.pinhole_width, self.lens.pinhole_height);
         let nearest =
             |i: u32, size: u32, whole: u32| ((2 * i + 1) * size / (2 * whole)).min(size.saturating_sub(1));
         if mask.width() == 0 || mask.height() == 0 {

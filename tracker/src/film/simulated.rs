@@ -58,7 +58,7 @@ pub(super) fn picture(
         }
     });
     if let Some(mask) = mask.filter(|mask| mask.len() == layers.surfaces.len()) {
-        lens.for_each_pixel(&mut panel, &rim(mask, lens.width as usize), |pixel, is_rim| {
+        lens.for_each_pixel(&mut panel, &rim(mask, lens.pinhole_width as usize), |pixel, is_rim| {
             if *is_rim {
                 *pixel = SEEN;
             }

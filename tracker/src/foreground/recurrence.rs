@@ -229,7 +229,7 @@ mod tests {
     fn the_room_behind_somebody_who_is_still_for_most_of_the_time_is_found() {
         // Came and went; came twice; came and stayed; was there at the start.
         for is_there in [
-            &(|t| (10..34).contains(&t)) as &dyn Fn(usize) -> bool,
+            &(|t: usize| (10..34).contains(&t)) as &dyn Fn(usize) -> bool,
             &|t| (4..16).contains(&t) || (20..34).contains(&t),
             &|t| t >= 15,
             &|t| t < 25,
@@ -243,7 +243,7 @@ mod tests {
     #[test]
     fn the_room_stays_where_the_median_has_it() {
         // Somebody who sits at the start and at the end; somebody who comes, and stays; a shadow.
-        let (median, found) = restored(|t| !(8..32).contains(&t), [16, 50]);
+        let (median, found) = restored(|t: usize| !(8..32).contains(&t), [16, 50]);
         assert!(median == empty() && found == empty());
         let (median, found) = restored(|t| t >= 30, [16, 50]);
         assert!(median == empty() && found == empty());

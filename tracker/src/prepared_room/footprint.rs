@@ -3,7 +3,7 @@
 //! A room without a known floor has no end. Beyond some distance a person is too small in the image to be told from
 //! noise, so the floor that a camera sees within that distance bounds the search for people.
 
-use calib::Camera;
+use calib::{Camera, Intrinsics};
 use nalgebra::Point2;
 
 /// Height of the smallest person that is tracked, as a fraction of the image's height.
@@ -13,11 +13,11 @@ const PERSON_M: f64 = 1.7;
 /// Samples along each side of the image.
 const PROBES: u32 = 16;
 
-/// Places on the floor that `camera` (a pinhole) sees, no farther than people can be tracked, metres. A camera that
-/// never sees the floor gets the places below its farthest rays.
-pub(super) fn of(camera: &Camera) -> Vec<Point2<f64>> {
+/// Places on the floor that `camera` (a pinhole) sees, no farther than people can be tracked in what `filmed` shows,
+/// metres. A camera that never sees the floor gets the places below its farthest rays.
+pub(super) fn of(camera: &Camera, filmed: &Intrinsics) -> Vec<Point2<f64>> {
     let k = &camera.intrinsics;
-    let farthest_m = k.fy * PERSON_M / (LEAST_HEIGHT * f64::from(k.height));
+    let farthest_m = filmed.fy * PERSON_M / (LEAST_HEIGHT * f64::from(filmed.height));
     let eye = camera.center();
     let at = |i: u32, size: u32| f64::from(i) / f64::from(PROBES) * f64::from(size) - 0.5;
     (0..(PROBES + 1).pow(2))
@@ -33,7 +33,6 @@ pub(super) fn of(camera: &Camera) -> Vec<Point2<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib::Intrinsics;
     use nalgebra::{Isometry3, Point3, Vector3};
 
     #[test]
@@ -42,7 +41,7 @@ mod tests {
         let pose = Isometry3::face_towards(&eye, &aim, &-Vector3::z()).inverse();
         let camera =
             Camera { intrinsics: Intrinsics::from_horizontal_fov(640, 480, 90.0), camera_from_world: pose };
-        let places = of(&camera);
+        let places = of(&camera, &camera.intrinsics);
         let farthest = places.iter().map(|p| p.x).fold(f64::MIN, f64::max);
         // A person 1.7 m tall at f = 320 px is 480 / 30 = 16 px tall at 34 m.
         assert!((farthest - 35.0).abs() < 1e-6, "{farthest}");
@@ -55,7 +54,7 @@ mod tests {
             Isometry3::face_towards(&Point3::new(0.0, 0.0, 3.0), &Point3::origin(), &Vector3::y()).inverse();
         let camera =
             Camera { intrinsics: Intrinsics::from_horizontal_fov(640, 480, 90.0), camera_from_world: pose };
-        let widest = of(&camera).iter().map(|p| p.coords.amax()).fold(0.0, f64::max);
+        let widest = of(&camera, &camera.intrinsics).iter().map(|p| p.coords.amax()).fold(0.0, f64::max);
         assert!((widest - 3.0).abs() < 1e-2, "{widest}");
     }
 }

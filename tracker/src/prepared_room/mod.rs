@@ -10,8 +10,8 @@ pub mod resolution;
 
 use std::path::{Path, PathBuf};
 
-use calib::Camera;
 use calib::undistort::UndistortMap;
+use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
 use nalgebra::{Point2, Vector3};
 use scenes::depth::{self, DepthMap};
@@ -54,7 +54,7 @@ pub struct PreparedCamera {
     pub filmed: Camera,
     /// Camera model at the working size, with distortion.
     pub real: Camera,
-    /// Pinhole camera of the same size as `real`, used for all simulation.
+    /// Pinhole twin of `real`, of a size of its own, used for all simulation.
     pub pinhole: Camera,
     /// Map from the image of `real` to that of `pinhole`.
     pub undistort: UndistortMap,
@@ -126,7 +126,8 @@ impl PreparedRoom {
         } else {
             WalkableMap::everywhere()
         };
-        let seen: Vec<Point2<f64>> = cameras.iter().flat_map(|c| footprint::of(&c.pinhole)).collect();
+        let seen: Vec<Point2<f64>> =
+            cameras.iter().flat_map(|c| footprint::of(&c.pinhole, &c.real.intrinsics)).collect();
         let floor = Floor::new(walkable, &room.zones, &seen);
         Ok(Self { cameras, floor, zones: room.zones.clone() })
     }
@@ -157,12 +158,13 @@ impl PreparedCamera {
             filmed.intrinsics.resized(width, height)
         };
         let camera_from_world = filmed.camera_from_world;
-        let pinhole = Camera { intrinsics: k.pinhole(), camera_from_world };
-        let undistort = UndistortMap::new(&k);
-        let mut shown = GrayImage::new(k.width, k.height);
+        let pinhole = twin_at(&filmed.intrinsics, &k);
+        let undistort = UndistortMap::to(&k, &pinhole);
+        let mut shown = GrayImage::new(pinhole.width, pinhole.height);
         undistort.mask(&GrayImage::from_pixel(k.width, k.height, Luma([255])), &mut shown);
         let static_z_m = shown.iter().map(|shown| if *shown == 0 { 0.0 } else { f32::INFINITY }).collect();
         let real = Camera { intrinsics: k, camera_from_world };
+        let pinhole = Camera { intrinsics: pinhole, camera_from_world };
         Self {
             name: name.to_owned(),
             filmed: filmed.clone(),
@@ -178,7 +180,7 @@ impl PreparedCamera {
     /// nearest pixel.
     #[must_use]
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
-        if (width_px, height_px) == (self.width(), self.height()) {
+        if (width_px, height_px) == self.real_size() {
             return self.clone();
         }
         let mut other = Self::at_size(&self.name, &self.filmed, (width_px, height_px));
@@ -239,12 +241,17 @@ impl PreparedCamera {
         })
     }
 
-    /// Image width in pixels.
+    /// Width and height of the working image as filmed, pixels.
+    pub fn real_size(&self) -> (u32, u32) {
+        (self.real.intrinsics.width, self.real.intrinsics.height)
+    }
+
+    /// Width of the pinhole image, pixels.
     pub fn width(&self) -> u32 {
         self.pinhole.intrinsics.width
     }
 
-    /// Image height in pixels.
+    /// Height of the pinhole image, pixels.
     pub fn height(&self) -> u32 {
         self.pinhole.intrinsics.height
     }
@@ -287,6 +294,18 @@ impl PreparedCamera {
             appearance: None,
         }
     }
+}
+
+/// Pinhole twin of what is filmed, at the scale of `real`, which is the same camera at another size. The twin of the full
+/// size is scaled, so that depth maps of that one fit.
+fn twin_at(filmed: &Intrinsics, real: &Intrinsics) -> Intrinsics {
+    let twin = filmed.pinhole();
+    let scaled = |side: u32, real: u32, filmed: u32| {
+        ((f64::from(side) * f64::from(real) / f64::from(filmed)).round() as u32).max(1)
+    };
+    let width = scaled(twin.width, real.width, filmed.width);
+    let height = scaled(twin.height, real.height, filmed.height);
+    if (width, height) == (twin.width, twin.height) { twin } else { twin.resized(width, height) }
 }
 
 /// Height, at least 1, of an image scaled to a width.

@@ -108,7 +108,7 @@ impl Observer {
             return Err(Error::option("room", format!("the room has no camera `{camera}`")));
         };
         let block = resolution::block(camera, &Body::ADULT, &room.floor);
-        let size = (camera.width(), camera.height());
+        let (size, pinhole_size) = (camera.real_size(), (camera.width(), camera.height()));
         Ok(Self {
             masks,
             needs,
@@ -123,9 +123,9 @@ impl Observer {
             has_moved: false,
             drawn_s: None,
             expected: GrayImage::new(size.0, size.1),
-            expected_pinhole: GrayImage::new(size.0, size.1),
+            expected_pinhole: GrayImage::new(pinhole_size.0, pinhole_size.1),
             mask: GrayImage::new(size.0, size.1),
-            pinhole: GrayImage::new(size.0, size.1),
+            pinhole: GrayImage::new(pinhole_size.0, pinhole_size.1),
         })
     }
 
@@ -155,7 +155,8 @@ impl Observer {
                     None => CameraPose::AsBefore,
                 };
                 if let CameraPose::Turned(turn) = &pose {
-                    self.undistort = UndistortMap::turned(&self.camera.real.intrinsics, turn);
+                    let (real, pinhole) = (&self.camera.real.intrinsics, &self.camera.pinhole.intrinsics);
+                    self.undistort = UndistortMap::turned(real, pinhole, turn);
                     let scene = self.follower.as_mut().and_then(PoseFollower::take_scene);
                     **foreground = foreground.begun_anew(scene)?;
                 }
@@ -207,11 +208,12 @@ impl Observer {
         if self.undistort.is_identity() {
             return Colours::of_picture(mask, self.colour_step, picture);
         }
-        let (width, nearest) = (self.size.0, self.undistort.nearest());
+        let (width, filmed_width) = (self.camera.width(), self.size.0);
+        let nearest = self.undistort.nearest();
         Colours::sample(mask, self.colour_step, |x, y| {
             // Foreground exists only inside the lens.
             let index = nearest[(y * width + x) as usize];
-            *picture.get_pixel(index % width, index / width)
+            *picture.get_pixel(index % filmed_width, index / filmed_width)
         })
     }
 
@@ -233,7 +235,7 @@ impl Observer {
         }
         (self.has_moved, self.drawn_s) = (false, Some(time_s));
         self.expected_pinhole.fill(0);
-        let (width, height) = self.size;
+        let (width, height) = self.expected_pinhole.dimensions();
         let block = u32::from(self.view.block);
         for body in &self.believed {
             let wide = Body { radius_m: body.radius_m * (1.0 + MARGIN), ..*body };

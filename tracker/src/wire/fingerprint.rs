@@ -26,7 +26,11 @@ impl Fingerprint {
             hasher.update(&(camera.name.len() as u64).to_le_bytes()).update(camera.name.as_bytes());
             let (k, pose) = (&camera.camera.intrinsics, &camera.camera.camera_from_world);
             hasher.update(&k.width.to_le_bytes()).update(&k.height.to_le_bytes());
-            let lens = <[f64; 5]>::from(k.distortion);
+            let lens = k.distortion.coefficients();
+            // The five numbers of a lens without a name are hashed alone, as before there were others.
+            if !k.distortion.model().is_default() {
+                hasher.update(k.distortion.model().name().as_bytes());
+            }
             let rotation = pose.rotation.to_rotation_matrix();
             let numbers = [k.fx, k.fy, k.cx, k.cy].into_iter().chain(lens);
             let numbers = numbers.chain(rotation.matrix().iter().copied());
@@ -50,7 +54,7 @@ impl std::fmt::Display for Fingerprint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib::{Camera, Intrinsics};
+    use calib::{Camera, Fisheye, Intrinsics};
     use nalgebra::{Isometry3, Point2, Vector3};
     use scenes::polygon::Polygon;
     use scenes::room::{RoomCamera, Zone, ZoneKind};
@@ -85,11 +89,12 @@ mod tests {
                 room.zones.push(Zone { name: "door".into(), polygon: polygon.clone(), kind: ZoneKind::Both });
             })
         );
-        let changes: [&dyn Fn(&mut Room); 7] = [
+        let changes: [&dyn Fn(&mut Room); 8] = [
             &|room| room.cameras[0].name = "c".into(),
             &|room| room.cameras[0].camera.intrinsics.width = 641,
             &|room| room.cameras[1].camera.intrinsics.cy += 1e-3,
-            &|room| room.cameras[1].camera.intrinsics.distortion.k3 = 1e-3,
+            &|room| room.cameras[1].camera.intrinsics.distortion = [0.0, 0.0, 0.0, 0.0, 1e-3].into(),
+            &|room| room.cameras[1].camera.intrinsics.distortion = Fisheye::from([0.0; 4]).into(),
             &|room| room.cameras[0].camera.camera_from_world.translation.vector.z += 1e-4,
             &|room| room.cameras[0].camera = room.cameras[1].camera.clone(),
             &|room| {

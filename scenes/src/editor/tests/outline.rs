@@ -86,7 +86,7 @@ fn outlines_behind_the_camera_are_cut_off() {
 #[test]
 fn beyond_the_fold_of_a_lens_nothing_is_drawn() {
     let mut camera = looking_down(1.0);
-    camera.intrinsics.distortion.k1 = -0.3;
+    camera.intrinsics.distortion = [-0.3, 0.0, 0.0, 0.0, 0.0].into();
     // The fold is at a radius of √(1/0.9) = 1.054 m on the floor, where the image ends 70.3 px from its middle.
     let far = polygon(&[(0.0, -20.0), (0.0, 20.0), (-20.0, 0.9)]);
     let outline = OutlineDrawer::new(&camera, None).outline(&far, true);

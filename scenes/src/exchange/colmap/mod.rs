@@ -156,15 +156,9 @@ pub fn write(dir: &Path, room: &Room) -> Result<()> {
     );
     for (id, entry) in (1..).zip(&room.cameras) {
         let k = &entry.camera.intrinsics;
-        let [k1, k2, p1, p2, k3]: [f64; 5] = k.distortion.into();
         let (cx, cy) = (k.cx + CORNER_PX, k.cy + CORNER_PX);
-        let (model, more) = if k.distortion.is_none() {
-            ("PINHOLE", String::new())
-        } else if k3 == 0.0 {
-            ("OPENCV", format!(" {k1} {k2} {p1} {p2}"))
-        } else {
-            ("FULL_OPENCV", format!(" {k1} {k2} {p1} {p2} {k3} 0 0 0"))
-        };
+        let (model, numbers) = model::written(&k.distortion);
+        let more = numbers.iter().fold(String::new(), |more, number| more + " " + &number.to_string());
         // Writing into a string cannot fail.
         let _ = writeln!(cameras, "{id} {model} {} {} {} {} {cx} {cy}{more}", k.width, k.height, k.fx, k.fy);
         let pose = &entry.camera.camera_from_world;

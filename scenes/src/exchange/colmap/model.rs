@@ -1,6 +1,6 @@
 //! Elements of a COLMAP model: lenses, and pictures taken through them.
 
-use calib::Intrinsics;
+use calib::{Distortion, Fisheye, Intrinsics, LensModel};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use crate::exchange::CORNER_PX;
@@ -48,8 +48,7 @@ pub(super) struct CameraModel {
     pub(super) parameters: usize,
 }
 
-/// All numbered camera models, those of COLMAP 4 included; the fisheyes and the like are listed only so that an error can
-/// name them.
+/// All numbered camera models, those of COLMAP 4 included; some are listed only so that an error can name them.
 pub(super) static MODELS: [CameraModel; 18] = [
     CameraModel { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
     CameraModel { id: 1, name: "PINHOLE", parameters: 4 },
@@ -77,28 +76,58 @@ const EQUIRECTANGULAR: &str = "EQUIRECTANGULAR";
 /// Defect of a file: the place and the problem.
 pub(super) type Defect = (String, String);
 
+/// Fisheye with the first two radial coefficients.
+fn fisheye(k1: f64, k2: f64) -> Distortion {
+    Fisheye::from([k1, k2, 0.0, 0.0]).into()
+}
+
+/// Name of the model of a lens, and the numbers after `fx fy cx cy`: COLMAP has OpenCV's models, in their order.
+pub(super) fn written(distortion: &Distortion) -> (&'static str, Vec<f64>) {
+    let mut numbers = distortion.coefficients();
+    let name = match distortion.model() {
+        _ if distortion.is_none() => {
+            numbers.clear();
+            "PINHOLE"
+        }
+        LensModel::BrownConrady if numbers[4] == 0.0 => {
+            numbers.truncate(4);
+            "OPENCV"
+        }
+        LensModel::BrownConrady => {
+            numbers.extend([0.0; 3]);
+            "FULL_OPENCV"
+        }
+        LensModel::Rational => "FULL_OPENCV",
+        LensModel::Fisheye => "OPENCV_FISHEYE",
+    };
+    (name, numbers)
+}
+
 impl ModelCamera {
     pub(super) fn intrinsics(&self) -> Result<Intrinsics, String> {
         let p = &self.parameters;
         let (fx, fy, cx, cy, distortion) = match self.model.name {
-            "SIMPLE_PINHOLE" => (p[0], p[0], p[1], p[2], [0.0; 5]),
-            "PINHOLE" => (p[0], p[1], p[2], p[3], [0.0; 5]),
-            "SIMPLE_RADIAL" => (p[0], p[0], p[1], p[2], [p[3], 0.0, 0.0, 0.0, 0.0]),
-            "RADIAL" => (p[0], p[0], p[1], p[2], [p[3], p[4], 0.0, 0.0, 0.0]),
-            "OPENCV" => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], 0.0]),
-            "FULL_OPENCV" if p[9..] == [0.0; 3] => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], p[8]]),
+            "SIMPLE_PINHOLE" => (p[0], p[0], p[1], p[2], Distortion::NONE),
+            "PINHOLE" => (p[0], p[1], p[2], p[3], Distortion::NONE),
+            "SIMPLE_RADIAL" => (p[0], p[0], p[1], p[2], [p[3], 0.0, 0.0, 0.0, 0.0].into()),
+            "RADIAL" => (p[0], p[0], p[1], p[2], [p[3], p[4], 0.0, 0.0, 0.0].into()),
+            "OPENCV" => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], 0.0].into()),
+            "FULL_OPENCV" if p[9..] == [0.0; 3] => {
+                (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], p[8]].into())
+            }
+            "FULL_OPENCV" => (p[0], p[1], p[2], p[3], Distortion::new(LensModel::Rational, &p[4..])?),
+            "OPENCV_FISHEYE" => (p[0], p[1], p[2], p[3], Distortion::new(LensModel::Fisheye, &p[4..])?),
+            "SIMPLE_FISHEYE" => (p[0], p[0], p[1], p[2], fisheye(0.0, 0.0)),
+            "FISHEYE" => (p[0], p[1], p[2], p[3], fisheye(0.0, 0.0)),
+            "SIMPLE_RADIAL_FISHEYE" => (p[0], p[0], p[1], p[2], fisheye(p[3], 0.0)),
+            "RADIAL_FISHEYE" => (p[0], p[0], p[1], p[2], fisheye(p[3], p[4])),
             // Without their bend these are pinholes, too.
-            "SIMPLE_DIVISION" if p[3] == 0.0 => (p[0], p[0], p[1], p[2], [0.0; 5]),
-            "DIVISION" | "FOV" | "EUCM" if p[4] == 0.0 => (p[0], p[1], p[2], p[3], [0.0; 5]),
+            "SIMPLE_DIVISION" if p[3] == 0.0 => (p[0], p[0], p[1], p[2], Distortion::NONE),
+            "DIVISION" | "FOV" | "EUCM" if p[4] == 0.0 => (p[0], p[1], p[2], p[3], Distortion::NONE),
             EQUIRECTANGULAR => {
                 return Err(format!(
                     "the model {EQUIRECTANGULAR} is not known here; cut the pictures into perspective ones before"
                 ));
-            }
-            "FULL_OPENCV" => {
-                return Err("the model FULL_OPENCV with k4, k5 or k6 is not known here; estimate the lens as OPENCV, or make pinhole \
-                            pictures with `colmap image_undistorter`"
-                    .into());
             }
             name => {
                 return Err(format!(
@@ -110,7 +139,7 @@ impl ModelCamera {
             |pixels: u64| u32::try_from(pixels).map_err(|_| format!("{pixels} pixels are no image's side"));
         let (width, height) = (side(self.width)?, side(self.height)?);
         let (cx, cy) = (cx - CORNER_PX, cy - CORNER_PX);
-        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy, distortion: distortion.into() };
+        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy, distortion };
         intrinsics.validate().map_err(|e| e.to_string())?;
         Ok(intrinsics)
     }

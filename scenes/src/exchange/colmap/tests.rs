@@ -4,6 +4,7 @@ use super::*;
 use crate::exchange::test_room;
 use crate::geometry::vec3_from_point;
 use approx::assert_relative_eq;
+use calib::{Distortion, Fisheye, Rational};
 
 /// The cameras of a model.
 fn cameras(dir: &Path) -> Result<Vec<RoomCamera>> {
@@ -49,7 +50,8 @@ fn binary_model(dir: &Path, cameras: &[RoomCamera]) {
     let (mut camera_bytes, mut images) = (count.to_vec(), count.to_vec());
     for (id, entry) in (7_u32..).zip(cameras) {
         let k = &entry.camera.intrinsics;
-        let [k1, k2, p1, p2, k3]: [f64; 5] = k.distortion.into();
+        let numbers = k.distortion.coefficients();
+        let [k1, k2, p1, p2, k3] = numbers[..] else { panic!("{numbers:?}") };
         camera_bytes.extend(id.to_le_bytes());
         camera_bytes.extend(6_i32.to_le_bytes());
         camera_bytes.extend([k.width, k.height].map(u64::from).map(u64::to_le_bytes).concat());
@@ -349,5 +351,38 @@ fn lenses_without_their_bend_are_pinholes() {
         let said = lens(&bent).unwrap_err();
         assert!(said.contains("is not known here") && said.contains("image_undistorter"), "{said}");
     }
-    assert!(lens("FULL_OPENCV 64 48 60 60 32 24 0 0 0 0 0 0.1 0 0").unwrap_err().contains("k4"));
+}
+
+#[test]
+fn wide_lenses_are_read_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("images.txt"), "1 1 0 0 0 0 1.2 3 1 left.png\n\n").unwrap();
+    let fisheye = |numbers: [f64; 4]| Distortion::from(Fisheye::from(numbers));
+    for (line, fy, expected) in [
+        ("SIMPLE_FISHEYE 64 48 30 32 24", 30.0, fisheye([0.0; 4])),
+        ("FISHEYE 64 48 30 31 32 24", 31.0, fisheye([0.0; 4])),
+        ("SIMPLE_RADIAL_FISHEYE 64 48 30 32 24 -0.02", 30.0, fisheye([-0.02, 0.0, 0.0, 0.0])),
+        ("RADIAL_FISHEYE 64 48 30 32 24 -0.02 0.01", 30.0, fisheye([-0.02, 0.01, 0.0, 0.0])),
+        (
+            "OPENCV_FISHEYE 64 48 30 31 32 24 -0.02 0.01 -0.003 0.0004",
+            31.0,
+            fisheye([-0.02, 0.01, -0.003, 0.0004]),
+        ),
+        (
+            "FULL_OPENCV 64 48 30 31 32 24 0.1 0.2 0.001 -0.002 0.01 0.3 0.04 0.005",
+            31.0,
+            Rational::from([0.1, 0.2, 0.001, -0.002, 0.01, 0.3, 0.04, 0.005]).into(),
+        ),
+    ] {
+        std::fs::write(folder.path().join("cameras.txt"), format!("1 {line}\n")).unwrap();
+        let model = read(folder.path(), &ModelOptions::default()).unwrap();
+        let k = &model.cameras[0].entry.camera.intrinsics;
+        assert_eq!((k.fx, k.fy, k.cx, k.distortion), (30.0, fy, 31.5, expected), "{line}");
+        let mut room = test_room::room(2);
+        room.cameras[0].camera.intrinsics = k.clone();
+        let out = folder.path().join("out");
+        write(&out, &room).unwrap();
+        let back = read(&out, &ModelOptions::default()).unwrap();
+        assert_eq!(back.cameras[0].entry.camera.intrinsics, *k, "{line}");
+    }
 }

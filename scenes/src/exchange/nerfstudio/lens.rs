@@ -1,12 +1,14 @@
 //! Lenses of `transforms.json`: of a frame, or once for all.
 
-use calib::Intrinsics;
+use calib::{Distortion, Intrinsics, LensModel};
 use serde::Deserialize;
 
 use crate::exchange::{CORNER_PX, Pictures};
 
 /// Camera models that ours covers; distortion that a model does not have is zero in the file.
-const MODELS: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
+const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", FISHEYE];
+/// OpenCV's fisheye, of which `k1` to `k4` are the numbers.
+pub(super) const FISHEYE: &str = "OPENCV_FISHEYE";
 
 #[derive(Deserialize, Clone)]
 pub(super) struct LensInput {
@@ -118,8 +120,19 @@ impl LensInput {
             })?,
             None => self.distortion().map(|k| k.unwrap_or(0.0)),
         };
-        if k4 != 0.0 {
+        let is_fisheye = self.camera_model.as_deref() == Some(FISHEYE);
+        let distortion = if is_fisheye {
+            if let Some((key, _)) = [("p1", p1), ("p2", p2)].into_iter().find(|(_, value)| *value != 0.0) {
+                return Err(format!("`{key}` is not known here for a fisheye; undistort the pictures"));
+            }
+            Distortion::new(LensModel::Fisheye, &[k1, k2, k3, k4])?
+        } else if k4 != 0.0 {
             return Err("`k4` is not known here; undistort the pictures".into());
+        } else {
+            [k1, k2, p1, p2, k3].into()
+        };
+        if is_fisheye && self.fl_x.is_none() {
+            return Err("`fl_x` is missing; an angle of view does not tell it of a fisheye".into());
         }
         let (width, height) = self.size(picture, pictures)?;
         let (fx, fy) = self.focal_lengths(width, height)?;
@@ -130,7 +143,6 @@ impl LensInput {
             None => Err(format!("`{key}` is missing")),
         };
         let (cx, cy) = (center(self.cx, width, "cx")?, center(self.cy, height, "cy")?);
-        let distortion = [k1, k2, p1, p2, k3].into();
         let intrinsics =
             Intrinsics { width, height, fx, fy, cx: cx - CORNER_PX, cy: cy - CORNER_PX, distortion };
         intrinsics.validate().map_err(|e| e.to_string())?;

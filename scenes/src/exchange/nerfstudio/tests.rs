@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::exchange::{Selection, test_room};
+use calib::{Fisheye, Rational};
 use nalgebra::{Matrix4, Point3, Vector4};
 
 /// The cameras of a file.
@@ -74,18 +75,51 @@ fn a_frames_distortion_parameters_come_first() {
     let lens = |more: &str| {
         let from = "\"transform_matrix\"";
         std::fs::write(&path, SHARED.replace(from, &format!("{more}, {from}"))).unwrap();
-        read(&path).map(|cameras| cameras[0].camera.intrinsics.distortion.into()).map_err(|e| e.to_string())
+        read(&path)
+            .map(|cameras| cameras[0].camera.intrinsics.distortion.coefficients())
+            .map_err(|e| e.to_string())
     };
     let params = "\"distortion_params\": [-0.2, 0.05, 0.01, 0.0, 0.001, -0.002]";
-    let expected: [f64; 5] = [-0.2, 0.05, 0.001, -0.002, 0.01];
-    assert_eq!(lens(params), Ok(expected));
-    assert_eq!(lens(&format!("{params}, \"k1\": 0.7")), Ok(expected));
+    let expected = vec![-0.2, 0.05, 0.001, -0.002, 0.01];
+    assert_eq!(lens(params), Ok(expected.clone()));
+    assert_eq!(lens(&format!("{params}, \"k1\": 0.7")), Ok(expected.clone()));
     assert!(lens("\"distortion_params\": [0, 0, 0, 0.1, 0, 0]").unwrap_err().contains("`k4`"));
     assert!(lens("\"distortion_params\": [0.1, 0.2]").unwrap_err().contains("2 numbers"));
     // A frame's own numbers replace those for all frames as a whole.
     std::fs::write(&path, SHARED.replace("\"w\": 64", &format!("{params}, \"w\": 64"))).unwrap();
-    let found = <[f64; 5]>::from(read(&path).unwrap()[0].camera.intrinsics.distortion);
-    assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits));
+    assert_eq!(read(&path).unwrap()[0].camera.intrinsics.distortion.coefficients(), expected);
+}
+
+#[test]
+fn a_fisheye_is_read_with_its_four_numbers_and_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let text = SHARED.replace("PINHOLE", "OPENCV_FISHEYE");
+    let with = |more: &str| {
+        let from = "\"transform_matrix\"";
+        std::fs::write(&path, text.replace(from, &format!("{more}, {from}"))).unwrap();
+        read(&path).map_err(|e| e.to_string())
+    };
+    let cameras = with("\"k1\": -0.02, \"k2\": 0.004, \"k3\": -0.001, \"k4\": 0.0003").unwrap();
+    let lens = cameras[0].camera.intrinsics.distortion;
+    assert_eq!(lens, Fisheye::from([-0.02, 0.004, -0.001, 0.0003]).into());
+    // Both ways of writing the numbers are the same lens, and no numbers are the equidistant one.
+    let listed = with("\"distortion_params\": [-0.02, 0.004, -0.001, 0.0003, 0, 0]").unwrap();
+    assert_eq!(listed[0].camera.intrinsics.distortion, lens);
+    assert_eq!(with("\"k1\": 0").unwrap()[0].camera.intrinsics.distortion, Fisheye::from([0.0; 4]).into());
+    assert!(with("\"k1\": 0.1, \"p2\": 0.1").unwrap_err().contains("`p2`"));
+
+    // Beside an ordinary lens each frame has its own model.
+    let mut room = test_room::room(2);
+    room.cameras[1].camera.intrinsics.distortion = lens;
+    write(&path, &room).unwrap();
+    let back = read(&path).unwrap();
+    for (found, entry) in back.iter().zip(&room.cameras) {
+        assert_eq!(found.camera.intrinsics.distortion, entry.camera.intrinsics.distortion);
+    }
+    room.cameras[1].camera.intrinsics.distortion =
+        Rational::from([0.1, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0]).into();
+    assert!(write(&path, &room).unwrap_err().to_string().contains("COLMAP"));
 }
 
 #[test]
@@ -125,7 +159,7 @@ fn defects_of_transforms_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("transforms.json");
     for (from, to, words) in [
-        ("PINHOLE", "OPENCV_FISHEYE", &["camera_model", "OPENCV_FISHEYE"][..]),
+        ("PINHOLE", "FISHEYE624", &["camera_model", "FISHEYE624"][..]),
         ("\"w\": 64", "\"w\": 64.5", &["frame 1", "left.png", "`w`"]),
         ("\"w\": 64,", "", &["frame 1", "`w` is missing"]),
         ("\"fl_x\": 60", "\"fl_x\": -60", &["frame 1", "positive"]),
@@ -217,7 +251,7 @@ fn frames_that_are_not_chosen_need_no_lens_of_ours() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("transforms.json");
     let fisheye = SHARED
-        .replace("\"transform_matrix\"", "\"camera_model\": \"OPENCV_FISHEYE\", \"transform_matrix\"")
+        .replace("\"transform_matrix\"", "\"camera_model\": \"FISHEYE624\", \"transform_matrix\"")
         .replace("left", "wide");
     let frame = fisheye[fisheye.find("{\"file_path\"").unwrap()..fisheye.rfind(']').unwrap()].to_owned();
     let text = SHARED.replace("\"frames\": [", &format!("\"frames\": [{frame}, "));

@@ -158,13 +158,13 @@ pub(super) fn calibration(time: Timestamp, camera: &RoomCamera) -> ProtoMessage 
     let matrix = intrinsics.matrix();
     let row = |i: usize| [matrix[(i, 0)], matrix[(i, 1)], matrix[(i, 2)]];
     let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-    let distortion: [f64; 5] = intrinsics.distortion.into();
+    let distortion = intrinsics.distortion;
     ProtoMessage::new()
         .message(1, &time.message())
         .fixed32(2, intrinsics.width)
         .fixed32(3, intrinsics.height)
-        .text(4, "plumb_bob")
-        .doubles(5, distortion)
+        .text(4, distortion.model().ros_name())
+        .doubles(5, distortion.coefficients())
         .doubles(6, (0..3).flat_map(row))
         .doubles(7, identity)
         .doubles(8, (0..3).flat_map(|i| row(i).into_iter().chain([0.0])))

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use calib::{Camera, Distortion, Intrinsics};
+use calib::{Camera, Fisheye, Intrinsics};
 use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use rand::RngExt;
@@ -60,7 +60,7 @@ impl TestScene {
         let mut camera = PreparedRoom::prepare(&model, nowhere, &PreparationOptions::default()).unwrap();
         let camera = camera.cameras.remove(0);
         let view = View::coarse(&camera, block);
-        let lens = FilmLens::new(&camera.real.intrinsics);
+        let lens = FilmLens::new(&camera.real.intrinsics, &camera.pinhole.intrinsics);
         let mut scene = Self { room, lens, camera, view, traced_pixels: Vec::new() };
         scene.traced_pixels = scene.pixels().map(|(u, v)| scene.traced(u, v)).collect();
         scene
@@ -72,9 +72,9 @@ impl TestScene {
         (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)))
     }
 
-    /// Width and height of the view, from the filmed size.
+    /// Width and height of the view, from the twin's size.
     pub(super) fn size(&self) -> [i32; 2] {
-        let k = &self.camera.real.intrinsics;
+        let k = &self.camera.pinhole.intrinsics;
         [k.width, k.height].map(|size| size.div_ceil(u32::from(self.view.block)) as i32)
     }
 
@@ -99,7 +99,7 @@ impl TestScene {
     /// its middle.
     fn traced(&self, u: i32, v: i32) -> TracedPixel {
         let block = i32::from(self.view.block);
-        let k = &self.camera.real.intrinsics;
+        let k = &self.camera.pinhole.intrinsics;
         let at = |i: i32, size: u32| f64::from((i * block + block / 2).min(size as i32 - 1));
         let pixel = self.lens.of(&Point2::new(at(u, k.width), at(v, k.height)));
         let room_ray = self.to_world(&pixel.ray);
@@ -113,7 +113,7 @@ impl TestScene {
 
     /// Foreground of the view as in the tracker, and, pixel by pixel, by the film.
     pub(super) fn foreground(&self, film: &GrayImage) -> (Vec<u64>, Vec<Option<bool>>) {
-        let mut twin = GrayImage::new(film.width(), film.height());
+        let mut twin = GrayImage::new(self.camera.width(), self.camera.height());
         self.camera.undistort.mask(film, &mut twin);
         let by_film = self.pixels().map(|(u, v)| self.is_foreground(film, u, v)).collect();
         (pack(&Mask::from(&twin), &self.view), by_film)
@@ -124,8 +124,8 @@ impl TestScene {
         let block = u32::from(self.view.block);
         let members = |i: i32, size: u32| (i as u32 * block)..((i as u32 + 1) * block).min(size);
         let (mut all, mut surely, mut perhaps) = (0, 0, 0);
-        for y in members(v, film.height()) {
-            for x in members(u, film.width()) {
+        for y in members(v, self.camera.height()) {
+            for x in members(u, self.camera.width()) {
                 let filmed = self.lens.of(&Point2::new(f64::from(x), f64::from(y)));
                 let is_set = match filmed.is_shown {
                     Some(false) => Some(false),
@@ -222,14 +222,19 @@ fn random_camera(has_lens: bool, rng: &mut Pcg64Mcg) -> Camera {
     intrinsics.fy *= rng.random_range(0.8..1.2);
     intrinsics.cx += rng.random_range(-0.1..0.1) * f64::from(width);
     intrinsics.cy += rng.random_range(-0.1..0.1) * f64::from(height);
-    if has_lens {
-        intrinsics.distortion = Distortion {
-            k1: rng.random_range(-0.4..0.25),
-            k2: rng.random_range(-0.1..0.15),
-            p1: rng.random_range(-0.01..0.01),
-            p2: rng.random_range(-0.01..0.01),
-            k3: rng.random_range(-0.02..0.02),
-        };
+    if has_lens && rng.random::<f32>() < 0.3 {
+        let mut number = |size: f64| rng.random_range(-size..size);
+        intrinsics.distortion =
+            Fisheye::from([number(0.1), number(0.03), number(0.01), number(0.003)]).into();
+    } else if has_lens {
+        intrinsics.distortion = [
+            rng.random_range(-0.4..0.25),
+            rng.random_range(-0.1..0.15),
+            rng.random_range(-0.01..0.01),
+            rng.random_range(-0.01..0.01),
+            rng.random_range(-0.02..0.02),
+        ]
+        .into();
     }
     let eye = Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.3..3.0));
     let aim = Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.0..2.0));
@@ -243,7 +248,8 @@ fn random_camera(has_lens: bool, rng: &mut Pcg64Mcg) -> Camera {
 
 /// A film without structure, so that every pixel counts.
 pub(super) fn random_film(camera: &PreparedCamera, rng: &mut Pcg64Mcg) -> GrayImage {
-    GrayImage::from_fn(camera.width(), camera.height(), |u, v| {
+    let (width, height) = camera.real_size();
+    GrayImage::from_fn(width, height, |u, v| {
         Luma([if (u / 9 + v / 7) % 3 == 0 || rng.random::<f32>() < 0.1 { 255 } else { 0 }])
     })
 }

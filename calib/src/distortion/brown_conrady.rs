@@ -8,16 +8,19 @@
 //! ```
 //!
 //! The polynomial folds back on itself far from the centre, where a point outside the lens's field of view would land
-//! inside the image again. [`Distortion::max_radius`] is the radius at which that begins; beyond it a point has no
+//! inside the image again. [`BrownConrady::max_radius`] is the radius at which that begins; beyond it a point has no
 //! image.
 
 use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
 
+use super::inverse::PlaneMap;
+use super::roots::real_roots_of_cubic;
+
 /// Lens distortion coefficients, in OpenCV's order in files: `[k1, k2, p1, p2, k3]`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(from = "[f64; 5]", into = "[f64; 5]")]
-pub struct Distortion {
+pub struct BrownConrady {
     /// Radial, r².
     pub k1: f64,
     /// Radial, r⁴.
@@ -30,38 +33,28 @@ pub struct Distortion {
     pub k3: f64,
 }
 
-impl From<[f64; 5]> for Distortion {
+impl From<[f64; 5]> for BrownConrady {
     fn from([k1, k2, p1, p2, k3]: [f64; 5]) -> Self {
         Self { k1, k2, p1, p2, k3 }
     }
 }
 
-impl From<Distortion> for [f64; 5] {
-    fn from(d: Distortion) -> Self {
-        [d.k1, d.k2, d.p1, d.p2, d.k3]
+impl From<BrownConrady> for [f64; 5] {
+    fn from(d: BrownConrady) -> Self {
+        d.coefficients()
     }
 }
 
-/// Newton steps after which an undistortion that has not converged is given up.
-const MAX_NEWTON_STEPS: usize = 50;
-/// Residual on the normalised plane at which an undistortion counts as exact (1e-12 is 1e-9 px at f = 1000).
-const NEWTON_TOLERANCE: f64 = 1e-12;
-
-impl Distortion {
+impl BrownConrady {
     /// No distortion.
     pub const NONE: Self = Self { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
 
-    /// Tells whether every coefficient is zero, so that the camera is a plain pinhole.
-    pub fn is_none(&self) -> bool {
-        *self == Self::NONE
+    /// Coefficients in OpenCV's order.
+    pub fn coefficients(&self) -> [f64; 5] {
+        [self.k1, self.k2, self.p1, self.p2, self.k3]
     }
 
-    /// Tells whether every coefficient is a finite number.
-    pub fn is_finite(&self) -> bool {
-        <[f64; 5]>::from(*self).iter().all(|c| c.is_finite())
-    }
-
-    /// Maps normalised pinhole coordinates to normalised distorted coordinates.
+    /// Image of a point of the normalised plane.
     pub fn distort(&self, p: Vector2<f64>) -> Vector2<f64> {
         let (x, y) = (p.x, p.y);
         let r2 = x * x + y * y;
@@ -72,7 +65,7 @@ impl Distortion {
         )
     }
 
-    /// Derivative of [`Self::distort`] with respect to its argument.
+    /// Derivative of the image by the point.
     pub fn jacobian(&self, p: Vector2<f64>) -> Matrix2<f64> {
         let (x, y) = (p.x, p.y);
         let r2 = x * x + y * y;
@@ -87,89 +80,54 @@ impl Distortion {
         )
     }
 
-    /// Maps normalised distorted coordinates to normalised pinhole coordinates, by Newton's method.
-    ///
-    /// `None` where no pinhole point within [`Self::max_radius`] has this image.
+    /// Derivative of the image by each coefficient.
+    pub fn coefficient_jacobian(&self, p: Vector2<f64>) -> [Vector2<f64>; 5] {
+        let (x, y, r2) = (p.x, p.y, p.norm_squared());
+        [
+            p * r2,
+            p * (r2 * r2),
+            Vector2::new(2.0 * x * y, r2 + 2.0 * y * y),
+            Vector2::new(r2 + 2.0 * x * x, 2.0 * x * y),
+            p * (r2 * r2 * r2),
+        ]
+    }
+
+    /// Factors of the derivatives by k1, `p a`, and by k2, `p a b`.
+    pub(super) fn leading_factors(p: Vector2<f64>) -> [f64; 2] {
+        [p.norm_squared(); 2]
+    }
+
+    /// Point that has this image; `None` beyond the fold.
     pub fn undistort(&self, distorted: Vector2<f64>) -> Option<Vector2<f64>> {
-        if self.is_none() {
-            return Some(distorted);
-        }
-        let limit = self.max_radius();
-        let mut start = distorted;
-        if start.norm() > limit {
-            start *= 0.9 * limit / start.norm();
-        }
-        // Lenses that pull far outwards before they fold can make Newton's full steps oscillate about the root.
-        self.newton(distorted, start, limit)
-            .or_else(|| self.newton(distorted, self.radial_inverse(distorted, limit), limit))
-    }
-
-    fn newton(&self, distorted: Vector2<f64>, start: Vector2<f64>, limit: f64) -> Option<Vector2<f64>> {
-        let mut p = start;
-        for _ in 0..MAX_NEWTON_STEPS {
-            let residual = self.distort(p) - distorted;
-            if residual.norm() < NEWTON_TOLERANCE {
-                return (p.norm() <= limit).then_some(p);
-            }
-            let step = self.jacobian(p).try_inverse()? * residual;
-            p -= step;
-            // A step across the fold would converge to the wrong branch: come back inside.
-            if p.norm() > limit {
-                p *= 0.99 * limit / p.norm();
-            }
-        }
-        None
-    }
-
-    /// The pinhole point that the radial part alone moves to `distorted`, by bisection, or the last before the fold: up
-    /// to the fold the radial part only grows, and the tangential one is small beside it.
-    fn radial_inverse(&self, distorted: Vector2<f64>, limit: f64) -> Vector2<f64> {
-        let radial = Self { p1: 0.0, p2: 0.0, ..*self };
-        let image = |r: f64| radial.distort(Vector2::new(r, 0.0)).x;
-        let target = distorted.norm();
-        // Far beyond any lens; finite where there is no fold.
-        let (mut low, mut high) = (0.0, (0.99 * limit).min(1e3));
-        for _ in 0..64 {
-            let middle = 0.5 * (low + high);
-            if image(middle) < target { low = middle } else { high = middle }
-        }
-        if target > 0.0 { distorted * (low / target) } else { distorted }
+        if *self == Self::NONE { Some(distorted) } else { self.inverse(distorted) }
     }
 
     /// Normalised radius up to which the radial polynomial grows, so that images are unique: the smallest positive root
     /// of `d(r · radial(r))/dr = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶`.
     pub fn max_radius(&self) -> f64 {
-        let roots = real_roots(7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0);
+        let roots = real_roots_of_cubic(7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0);
         let smallest = roots.into_iter().flatten().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
         smallest.sqrt()
     }
 }
 
-/// Real roots of `a x³ + b x² + c x + d`, by Cardano and Viète; lower degrees where leading terms vanish.
-fn real_roots(a: f64, b: f64, c: f64, d: f64) -> [Option<f64>; 3] {
-    const NEGLIGIBLE: f64 = 1e-12;
-    if a.abs() < NEGLIGIBLE {
-        if b.abs() < NEGLIGIBLE {
-            return [(c.abs() >= NEGLIGIBLE).then(|| -d / c), None, None];
-        }
-        let discriminant = c * c - 4.0 * b * d;
-        if discriminant < 0.0 {
-            return [None; 3];
-        }
-        // This form avoids cancellation: one root from the sum, the other from the product.
-        let q = -0.5 * (c + c.signum() * discriminant.sqrt());
-        return [Some(q / b), (q != 0.0).then(|| d / q), None];
+impl PlaneMap for BrownConrady {
+    fn distort(&self, p: Vector2<f64>) -> Vector2<f64> {
+        Self::distort(self, p)
     }
-    let (b, c, d) = (b / a, c / a, d / a);
-    let (q, r) = ((b * b - 3.0 * c) / 9.0, (2.0 * b * b * b - 9.0 * b * c + 27.0 * d) / 54.0);
-    if r * r < q * q * q {
-        let theta = (r / (q * q * q).sqrt()).acos();
-        let root = |k: f64| -2.0 * q.sqrt() * ((theta + std::f64::consts::TAU * k) / 3.0).cos() - b / 3.0;
-        return [Some(root(0.0)), Some(root(1.0)), Some(root(-1.0))];
+
+    fn jacobian(&self, p: Vector2<f64>) -> Matrix2<f64> {
+        Self::jacobian(self, p)
     }
-    let s = -r.signum() * (r.abs() + (r * r - q * q * q).sqrt()).cbrt();
-    let t = if s == 0.0 { 0.0 } else { q / s };
-    [Some(s + t - b / 3.0), None, None]
+
+    fn radial_image(&self, radius: f64) -> f64 {
+        let radial = Self { p1: 0.0, p2: 0.0, ..*self };
+        Self::distort(&radial, Vector2::new(radius, 0.0)).x
+    }
+
+    fn max_radius(&self) -> f64 {
+        Self::max_radius(self)
+    }
 }
 
 #[cfg(test)]
@@ -179,12 +137,12 @@ mod tests {
     use proptest::prelude::*;
 
     /// EPFL terrace camera C1: a real lens with strong barrel distortion.
-    const TERRACE: Distortion =
-        Distortion { k1: -0.232_082_596, k2: 0.152_229_992, p1: 0.0, p2: 0.0, k3: -0.086_640_693 };
+    const TERRACE: BrownConrady =
+        BrownConrady { k1: -0.232_082_596, k2: 0.152_229_992, p1: 0.0, p2: 0.0, k3: -0.086_640_693 };
 
-    fn lens() -> impl Strategy<Value = Distortion> {
+    fn lens() -> impl Strategy<Value = BrownConrady> {
         (-0.3..0.3, -0.1..0.1, -0.01..0.01, -0.01..0.01, -0.02..0.02)
-            .prop_map(|(k1, k2, p1, p2, k3)| Distortion { k1, k2, p1, p2, k3 })
+            .prop_map(|(k1, k2, p1, p2, k3)| BrownConrady { k1, k2, p1, p2, k3 })
     }
 
     proptest! {
@@ -204,7 +162,7 @@ mod tests {
             (p1, p2) in (-0.01..0.01, -0.01..0.01),
             (x, y) in (-1.4..1.4, -1.0..1.0),
         ) {
-            let d = Distortion { k1, k2, p1, p2, k3 };
+            let d = BrownConrady { k1, k2, p1, p2, k3 };
             let p = Vector2::new(x, y);
             prop_assume!(p.norm() < 0.9 * d.max_radius());
             let back = d.undistort(d.distort(p)).unwrap();
@@ -236,7 +194,7 @@ mod tests {
     proptest! {
         #[test]
         fn images_are_unique_up_to_the_fold_and_no_further(k1 in -0.5..0.5, k2 in -0.2..0.2, k3 in -0.1..0.1) {
-            let d = Distortion { k1, k2, k3, ..Distortion::NONE };
+            let d = BrownConrady { k1, k2, k3, ..BrownConrady::NONE };
             let image = |r: f64| d.distort(Vector2::new(r, 0.0)).x;
             let fold = d.max_radius();
             for i in 0..200 {
@@ -254,7 +212,7 @@ mod tests {
     /// Far from its fold, and Newton's steps from the distorted point go to and fro between this lens's centre and its fold.
     #[test]
     fn a_lens_that_pulls_outwards_before_it_folds_round_trips() {
-        let d = Distortion::from([-0.0956, 0.144, 0.00907, 0.00734, -0.0189]);
+        let d = BrownConrady::from([-0.0956, 0.144, 0.00907, 0.00734, -0.0189]);
         for i in 0..3600 {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(i % 36) / 36.0).sin_cos();
             let p = Vector2::new(cos, sin) * (0.0098 * f64::from(i / 36) * d.max_radius());
@@ -265,7 +223,7 @@ mod tests {
 
     #[test]
     fn beyond_the_fold_there_is_no_image() {
-        let barrel = Distortion { k1: -0.3, ..Distortion::NONE };
+        let barrel = BrownConrady { k1: -0.3, ..BrownConrady::NONE };
         let fold = barrel.max_radius();
         assert_relative_eq!(fold, (1.0_f64 / 0.9).sqrt(), epsilon = 1e-9);
         let furthest = barrel.distort(Vector2::new(fold, 0.0)).x;
