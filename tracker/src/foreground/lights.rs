@@ -99,7 +99,7 @@ fn is_other_light(before: &RgbImage, after: &RgbImage) -> bool {
     let Some(relit) = relight::relit(before, after) else { return false };
     let (mut changed, mut explained) = (0_usize, 0_usize);
     for ((a, b), is_explained) in before.pixels().zip(after.pixels()).zip(relit.explained) {
-        if is_changed(&a.0, &b.0) {
+        if is_changed(a.0, b.0) {
             changed += 1;
             explained += usize::from(is_explained);
         }
@@ -107,7 +107,7 @@ fn is_other_light(before: &RgbImage, after: &RgbImage) -> bool {
     explained as f64 >= EXPLAINED_SHARE * changed as f64
 }
 
-fn is_changed(a: &[u8; 3], b: &[u8; 3]) -> bool {
+fn is_changed(a: [u8; 3], b: [u8; 3]) -> bool {
     (0..3).any(|c| a[c].abs_diff(b[c]) > CHANGED_LEVELS)
 }
 
@@ -120,7 +120,7 @@ fn difference(a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
 fn unexplained_share(scene: &[[u8; 3]], frame: &[[u8; 3]]) -> f64 {
     let table = Exposure::fit_samples(scene, frame, &Exposure::default()).table();
     let expected = scene.iter().map(|color| std::array::from_fn(|c| table[c][color[c] as usize]));
-    let changed = expected.zip(frame).filter(|(expected, seen)| is_changed(expected, seen)).count();
+    let changed = expected.zip(frame).filter(|(expected, seen)| is_changed(*expected, **seen)).count();
     changed as f64 / scene.len().max(1) as f64
 }
 

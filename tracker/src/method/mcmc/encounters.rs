@@ -219,8 +219,9 @@ impl Encounters {
             id if id == b => a,
             id => id,
         };
-        // One exchange decides what happened there.
-        self.met.retain(|met| !(met.time_s == *time_s && met.ids.iter().all(|id| ids.contains(id))));
+        // One exchange decides what happened there. It has the time of its encounter, to the bit.
+        let is_decided = |met: &Encounter| met.time_s.to_bits() == time_s.to_bits();
+        self.met.retain(|met| !(is_decided(met) && met.ids.iter().all(|id| ids.contains(id))));
         for encounter in self.met.iter_mut().filter(|encounter| encounter.time_s > *time_s) {
             encounter.ids = encounter.ids.map(other);
         }

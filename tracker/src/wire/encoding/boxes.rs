@@ -26,7 +26,9 @@ pub(super) fn put_boxes(out: &mut Vec<u8>, boxes: &[PersonBox]) -> Decoded<()> {
         if edges.iter().any(|edge| !edge.is_finite()) {
             return Err(Malformed("a box's edge is not finite"));
         }
-        edges.iter().for_each(|edge| put_f64(out, **edge));
+        for edge in edges {
+            put_f64(out, *edge);
+        }
         let cuts = cut.iter().enumerate().fold(0, |bits, (edge, is_cut)| bits | u8::from(*is_cut) << edge);
         out.push(cuts | if appearance.is_some() { WITH_VECTOR } else { 0 });
         if let Some(vector) = appearance {
