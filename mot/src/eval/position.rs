@@ -1,7 +1,7 @@
 //! Position error: distance of the matched tracks from the truth.
 //!
-//! The mean is CLEAR's MOTP (cited in [`super::clear`]) on the floor; Osawa et al., whose tracker is
-//! [`crate::method::mcmc`], report mean and maximum.
+//! The mean is CLEAR's MOTP (cited in [`super::clear`]) on the floor; Osawa et al., whose method is
+//! the tracker's `method::mcmc`, report mean and maximum.
 
 use super::scenario::{Scenario, Space};
 use super::{FigureValue, MetricFigure, TrackMetric, Unit};

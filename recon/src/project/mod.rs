@@ -103,7 +103,7 @@ impl Project {
     /// Reads and checks a project file and the intrinsics files it names. Captures need only exist; they are not read.
     ///
     /// # Errors
-    /// [`crate::Error::Content`] naming the table and key at fault, or [`crate::Error::Calib`] for a file that cannot be read or
+    /// [`crate::Error::File`] naming the table and key at fault, or [`crate::Error::Calib`] for a file that cannot be read or
     /// parsed.
     pub fn read(path: &Path) -> Result<Self> {
         let project = Self::read_to_build(path)?;
