@@ -135,11 +135,19 @@ mod tests {
         }
     }
 
+    /// Depth in the middle of a map of the first camera.
+    fn in_the_middle(room: &Room, map: &DepthMap) -> f32 {
+        let twin = room.cameras[0].camera.intrinsics.pinhole();
+        assert_eq!((map.width, map.height), (twin.width, twin.height));
+        map.at(twin.cx as u32, twin.cy as u32)
+    }
+
     /// Plants a map that no rendering makes, under the room's own key: reading it back proves that the cache is used.
     fn plant(dir: &Path, room: &Room) {
-        let planted = DepthMap { width: 64, height: 48, z_m: vec![7.0; 64 * 48] };
         let mut pinhole = room.cameras[0].camera.clone();
         pinhole.intrinsics = pinhole.intrinsics.pinhole();
+        let (width, height) = (pinhole.intrinsics.width, pinhole.intrinsics.height);
+        let planted = DepthMap { width, height, z_m: vec![7.0; (width * height) as usize] };
         let key = key(&room.geometry.as_ref().unwrap().shape_hash(), &pinhole);
         cache::write(dir, &name_of("a"), &key, &encode(&planted));
     }
@@ -148,7 +156,7 @@ mod tests {
     fn the_cache_is_used_until_geometry_or_camera_change() {
         let (folder, mut room) = (tempfile::tempdir().unwrap(), room());
         let fresh = cached(folder.path(), &room, "a").unwrap();
-        assert_eq!((fresh.at(32, 24), fresh.at(0, 0)), (2.0, 0.0));
+        assert_eq!((in_the_middle(&room, &fresh), fresh.at(0, 0)), (2.0, 0.0));
         let file = |camera: &str| cache::file_of(folder.path(), &name_of(camera));
         assert!(file("a").is_file() && !file("b").exists());
         assert_eq!(cached_all(folder.path(), &room).unwrap(), [fresh.clone(), fresh.clone()]);
@@ -156,11 +164,11 @@ mod tests {
         plant(folder.path(), &room);
         assert_eq!(cached(folder.path(), &room, "a").unwrap().at(0, 0), 7.0);
         room.cameras[0].camera.camera_from_world.translation.z += 0.5;
-        assert_eq!(cached(folder.path(), &room, "a").unwrap().at(32, 24), 2.5);
+        assert_eq!(in_the_middle(&room, &cached(folder.path(), &room, "a").unwrap()), 2.5);
         plant(folder.path(), &room);
         let Some(Geometry::Discs(discs)) = &mut room.geometry else { panic!("a disc") };
         discs[0].radius = 0.9;
-        assert_eq!(cached(folder.path(), &room, "a").unwrap().at(32, 24), 2.5);
+        assert_eq!(in_the_middle(&room, &cached(folder.path(), &room, "a").unwrap()), 2.5);
     }
 
     #[test]
@@ -168,7 +176,7 @@ mod tests {
         let (folder, room) = (tempfile::tempdir().unwrap(), room());
         plant(folder.path(), &room);
         std::fs::write(cache::file_of(folder.path(), &name_of("a")), "something else").unwrap();
-        assert_eq!(cached(folder.path(), &room, "a").unwrap().at(32, 24), 2.0);
+        assert_eq!(in_the_middle(&room, &cached(folder.path(), &room, "a").unwrap()), 2.0);
         for bad in [&encode(&DepthMap::nothing(3, 2))[..20], &[0; 9], b""] {
             assert_eq!(decode(bad), None);
         }
@@ -180,6 +188,8 @@ mod tests {
         let room = Room { geometry: None, ..room() };
         assert!(cached(folder.path(), &room, "c").is_err());
         let map = cached(folder.path(), &room, "b").unwrap();
-        assert_eq!((map.width, map.height, map.coverage()), (64, 48, 0.0));
+        let twin = room.cameras[1].camera.intrinsics.pinhole();
+        assert!(twin.width > 64 && twin.height > 48, "a barrel's picture is straightened to a larger one");
+        assert_eq!((map.width, map.height, map.coverage()), (twin.width, twin.height, 0.0));
     }
 }

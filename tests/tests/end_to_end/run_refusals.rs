@@ -128,7 +128,7 @@ fn names_and_options() {
     refused(&small.run(&["--steps", "2000000000"]), &["--steps", "1000000"]);
     refused(&small.run(&["--most-people", "0"]), &["--most-people", "1 to 31"]);
     refused(&small.run(&["--most-people", "32"]), &["--most-people", "1 to 31"]);
-    refused(&small.run(&["--lag=-1"]), &["--lag", "0 to 5 seconds"]);
+    refused(&small.run(&["--lag=-1"]), &["--lag", "0 to 20 seconds"]);
     refused(&small.run(&["--lag", "NaN"]), &["--lag"]);
     refused(&small.run(&["--offset", "middle=1"]), &["middle", "left, right"]);
     refused(&small.run(&["--offset", "left=1", "--offset", "left=2"]), &["left", "already"]);

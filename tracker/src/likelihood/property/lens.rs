@@ -8,7 +8,7 @@ use nalgebra::{Point2, Vector2, Vector3};
 const RIM: f64 = 1e-6;
 /// Fraction of the fold's radius from which on a filmed place may not determine its ray: two rays approach each other
 /// there.
-const NEAR_FOLD: f64 = 0.9;
+const NEAR_FOLD: f64 = 0.8;
 
 /// Filmed image of a camera, as seen from its pinhole twin.
 pub(super) struct FilmLens {

@@ -244,7 +244,8 @@ mod tests {
                 let sum = weighed.fixed_rows::<4>(step + 4) + h.transpose() * r * seen;
                 weighed.rows_mut(step + 4, 4).copy_from(&sum);
             }
-            let time_s = k as f64 + 1.0;
+            // All within the time that corrects a place.
+            let time_s = 0.5 * (k as f64 + 1.0);
             smoother.push((k as u32 + 2, time_s), LAG_S, vec![trace(&motion, Some(3), 1.0)], false);
         }
         let covariance = information.try_inverse().unwrap();
