@@ -200,7 +200,7 @@ mod tests {
         (0..40)
             .map(|t| {
                 RgbImage::from_fn(160, 120, |u, v| {
-                    if (30..100).contains(&v) && u.abs_diff(4 * t as u32) < 12 {
+                    if (30..100).contains(&v) && u.abs_diff(4 * t as u32) < 5 {
                         return Rgb([20, 30, 140]);
                     }
                     let noise: f64 = rng.random_range(-3.0..3.0);

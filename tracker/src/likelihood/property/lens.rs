@@ -45,11 +45,9 @@ impl FilmLens {
         let (right, bottom) = (f64::from(k.width) - 0.5 - place.x, f64::from(k.height) - 0.5 - place.y);
         let inside = (place.x + 0.5).min(place.y + 0.5).min(right).min(bottom).min(1.0 - radius);
         let is_shown = (inside.abs() > RIM).then_some(inside > 0.0);
-        let ray = if is_shown == Some(true) && radius < NEAR_FOLD {
-            k.unproject(&place).unwrap_or_else(|| panic!("{:?} gives no ray to {place}", k.distortion))
-        } else {
-            Vector3::new(straight.x, straight.y, 1.0)
-        };
+        // Of a lens that folds within its picture some places have no ray of their own.
+        let filmed = (is_shown == Some(true) && radius < NEAR_FOLD).then(|| k.unproject(&place)).flatten();
+        let ray = filmed.unwrap_or_else(|| Vector3::new(straight.x, straight.y, 1.0));
         FilmedPlace { place, is_shown, ray }
     }
 }
