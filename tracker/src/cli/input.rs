@@ -1,5 +1,6 @@
 //! Input of a run: stations in this process, one for each source, or stations on other machines.
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
@@ -14,7 +15,7 @@ use crate::doctor::film_times::{self, FilmTimes};
 use crate::doctor::views;
 use crate::gathering::ClockAlignment;
 use crate::method::Method;
-use crate::prepared_room::PreparedRoom;
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 use crate::run::search_offsets;
 use crate::source::{self, CameraSource, CaptureTimes, VideoSource};
 use crate::station::{self, Event, Permits, Port, Station};
@@ -94,6 +95,20 @@ impl RunSources {
             Self::Local { sources, .. } => sources.iter().map(|s| s.name.clone()).collect(),
             Self::Stations(_) => Vec::new(),
         }
+    }
+
+    /// Prepares the room without the blind borders of the sources' pictures.
+    pub(super) fn prepare(
+        &self,
+        room: &Room,
+        room_dir: &Path,
+        options: &PreparationOptions,
+    ) -> anyhow::Result<PreparedRoom> {
+        let mut prepared = PreparedRoom::prepare(room, room_dir, options)?;
+        if let Self::Local { sources, .. } = self {
+            prepared.leave_out_borders(sources);
+        }
+        Ok(prepared)
     }
 
     /// Connects to the stations on other machines.

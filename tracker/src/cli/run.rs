@@ -83,7 +83,7 @@ fn follow(
         occlusion: !args.no_occlusion,
         working_width_px: args.mask_width,
     };
-    let prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
+    let prepared = given.prepare(&room, &args.room, &options)?;
     let interrupted = match service {
         Some(service) => Arc::clone(&service.is_ended),
         None => interrupt::watch().context("the signals that end a run")?,

@@ -127,7 +127,8 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let promised = clocks.moments(&sources);
     // All of the room's cameras, as in the gatherer: sampling depends on the floor that they see together.
     let options = PreparationOptions { working_width_px: args.mask_width, ..PreparationOptions::default() };
-    let prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
+    let mut prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
+    prepared.leave_out_borders(&sources);
     let demand = if args.pictures { PictureDemand::Always } else { PictureDemand::Never };
     let builder = StationBuilder {
         room: &prepared,

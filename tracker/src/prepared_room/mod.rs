@@ -3,6 +3,7 @@
 //! Simulation happens in pinhole images at a working size, which may be smaller than the camera's own. Pictures are
 //! scaled while they are decoded; [`PreparedCamera::undistort`] maps masks from there to the pinhole image.
 
+pub mod blind_border;
 mod doorway;
 mod floor;
 mod footprint;
@@ -13,17 +14,17 @@ use std::path::{Path, PathBuf};
 use calib::undistort::UndistortMap;
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
+use mot::rows::PixelBox;
 use nalgebra::{Point2, Vector3};
 use scenes::depth::{self, DepthMap};
 use scenes::room::{Room, Zone};
 use scenes::walkable::{self, WalkableMap};
+use shell::options::check_ranges;
 use shell::ranges::SIDE_PX;
 
 pub use self::floor::Floor;
 use crate::observation::PersonBox;
 use crate::{Error, Result};
-use mot::rows::PixelBox;
-use shell::options::check_ranges;
 
 /// Options of [`PreparedRoom::prepare`].
 #[derive(Debug, Clone, PartialEq)]

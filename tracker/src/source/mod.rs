@@ -12,6 +12,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 use calib::video::FrameSource;
+use image::RgbImage;
 use scenes::room::{Room, RoomCamera};
 
 pub use arrival::{ArrivalClock, utc_s};
@@ -272,6 +273,15 @@ fn open_live(source: &NamedSource, camera: &RoomCamera, failure: &mut Option<Err
 }
 
 impl CameraSource {
+    /// First picture of a recording, read beside the run; `None` for a stream, and where it cannot be read, which the run
+    /// reports.
+    pub fn first_picture(&self) -> Option<RgbImage> {
+        let Some(VideoSource::Recorded(video)) = self.video.as_ref() else { return None };
+        let mut again = FrameSource::open(video.name()).ok().filter(|_| video.is_recording())?;
+        let mut picture = RgbImage::default();
+        again.read(&mut picture).ok()?.then_some(picture)
+    }
+
     /// Number of frames, the lesser of video and masks; `None` for a live source, or where the number is unknown.
     pub fn frame_count(&self) -> Option<usize> {
         if self.is_live() {
