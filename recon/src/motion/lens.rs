@@ -24,6 +24,11 @@ const WORTH_A_LOOK: f64 = 7.81;
 const CLEAR: f64 = 16.27;
 /// Shift of pixels in the image's corner below which two lenses count as the same.
 const ALIKE_PX: f64 = 1.0;
+/// Tangent of the angle from the axis up to which lenses are compared: 75°. Farther out a fisheye magnifies what no capture
+/// determines.
+const FARTHEST_TAN: f64 = 3.73;
+/// Number of places between the corner and half of the way to the axis.
+const HALF_STEPS: u32 = 50;
 /// Rounds of polish with a new lens.
 const ROUNDS: usize = 2;
 
@@ -120,11 +125,17 @@ fn distance(change: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<f64> {
     Some(change.dot(&covariance.cholesky()?.solve(change)))
 }
 
-/// Tells whether two lenses agree, to within [`ALIKE_PX`], in the corner of the image.
+/// Tells whether two lenses agree, to within [`ALIKE_PX`], in the corner of the picture; in a corner that reaches farther than
+/// [`FARTHEST_TAN`] from the axis, at the last place on the way to it that does not.
 fn alike(a: &Intrinsics, b: &Intrinsics) -> bool {
     let corner = Point2::origin();
-    let of_b = a.unproject(&corner).and_then(|ray| b.project(&Point3::from(ray)));
-    of_b.is_some_and(|pixel| (pixel - corner).norm() < ALIKE_PX)
+    let axis = Point2::new(a.cx, a.cy);
+    let place =
+        (0..=HALF_STEPS).map(|i| corner + (axis - corner) * (f64::from(i) / f64::from(2 * HALF_STEPS)));
+    let mut seen = place.filter_map(|place| Some((place, a.unproject(&place)?)));
+    let farthest = seen.find(|(_, ray)| ray.xy().norm() <= FARTHEST_TAN * ray.z);
+    let of_b = farthest.and_then(|(place, ray)| Some((place, b.project(&Point3::from(ray))?)));
+    of_b.is_some_and(|(place, pixel)| (pixel - place).norm() < ALIKE_PX)
 }
 
 /// Change from one lens to another, in `(ln f, k1, k2)`.
@@ -145,6 +156,7 @@ fn changed(from: &Intrinsics, by: &Vector3<f64>) -> Intrinsics {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use calib::Fisheye;
 
     #[test]
     fn precise_measurements_count_more() {
@@ -169,6 +181,20 @@ mod tests {
         let by = |ln_f: f64, k1: f64| changed(&lens, &Vector3::new(ln_f, k1, 0.0));
         assert!(alike(&lens, &by(0.002, 0.0)) && !alike(&lens, &by(0.003, 0.0)));
         assert!(!alike(&lens, &by(0.0, 0.05)));
+    }
+
+    #[test]
+    fn fisheyes_are_compared_where_captures_determine_them() {
+        let lens = |f: f64| Intrinsics {
+            distortion: Fisheye::from([0.0; 4]).into(),
+            fx: f,
+            fy: f,
+            ..Intrinsics::from_horizontal_fov(641, 481, 60.0)
+        };
+        // An equidistant fisheye: at 75° from the axis, 340 px from the principal point, a share s of the focal length shifts by
+        // 340 s. In the corner, at 88°, the comparison would be by the tangent.
+        assert!(alike(&lens(260.0), &lens(260.1)) && alike(&lens(260.1), &lens(260.0)));
+        assert!(!alike(&lens(260.0), &lens(262.6)) && !alike(&lens(262.6), &lens(260.0)));
     }
 
     #[test]

@@ -18,13 +18,16 @@ fn assert_no_duplicates(rows: &[LiveRow]) {
     }
 }
 
-/// Asserts that a station knew only these people under their old ids, all of them mostly, and never lost one of them for good: its
-/// camera alone does not see somebody behind another for up to a second.
+/// Asserts that a station knew only these people under their old ids, nearly always all of them, and lost none of them for good.
 fn assert_kept(rows: &[BTreeSet<u32>], people: &BTreeSet<u32>) {
     let whole = rows.iter().filter(|row| *row == people).count();
     let is_kept = rows.iter().all(|row| row.is_subset(people));
     let are_back = people.iter().all(|id| rows.iter().rev().take(15).any(|row| row.contains(id)));
-    assert!(is_kept && are_back && 2 * whole >= rows.len(), "{people:?}, in {} rows: {rows:?}", rows.len());
+    assert!(
+        is_kept && are_back && 5 * whole >= 4 * rows.len(),
+        "{people:?}, in {} rows: {rows:?}",
+        rows.len()
+    );
 }
 
 #[test]

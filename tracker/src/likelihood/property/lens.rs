@@ -6,9 +6,11 @@ use nalgebra::{Point2, Vector2, Vector3};
 /// Distance from the image's rim (pixels) or from the lens's fold (fraction of its radius) within which visibility is
 /// undecided.
 const RIM: f64 = 1e-6;
-/// Fraction of the fold's radius from which on a filmed place may not determine its ray: two rays approach each other
-/// there.
-const NEAR_FOLD: f64 = 0.8;
+/// Least determinant of the lens's derivative on the way from the axis to a place that determines its ray. Towards a fold, by
+/// the radial or by the tangential part, it goes to zero, and two rays approach each other.
+const LEAST_DETERMINANT: f64 = 0.05;
+/// Number of places on the way.
+const PLACES: u32 = 24;
 
 /// Filmed image of a camera, as seen from its pinhole twin.
 pub(super) struct FilmLens {
@@ -45,11 +47,25 @@ impl FilmLens {
         let (right, bottom) = (f64::from(k.width) - 0.5 - place.x, f64::from(k.height) - 0.5 - place.y);
         let inside = (place.x + 0.5).min(place.y + 0.5).min(right).min(bottom).min(1.0 - radius);
         let is_shown = (inside.abs() > RIM).then_some(inside > 0.0);
-        // Of a lens that folds within its picture some places have no ray of their own.
-        let filmed = (is_shown == Some(true) && radius < NEAR_FOLD).then(|| k.unproject(&place)).flatten();
-        let ray = filmed.unwrap_or_else(|| Vector3::new(straight.x, straight.y, 1.0));
+        let ray = if is_shown == Some(true) && is_determined(&k.distortion, &straight) {
+            k.unproject(&place).unwrap_or_else(|| panic!("{:?} gives no ray to {place}", k.distortion))
+        } else {
+            Vector3::new(straight.x, straight.y, 1.0)
+        };
         FilmedPlace { place, is_shown, ray }
     }
+}
+
+/// Whether the filmed place of a point on the plane z = 1 is far from every fold, so that it determines the point.
+fn is_determined(d: &Distortion, p: &Vector2<f64>) -> bool {
+    const STEP: f64 = 1e-6;
+    let slope = |at: &Vector2<f64>, step: Vector2<f64>| {
+        (bend(d, &(at + step)) - bend(d, &(at - step))) / (2.0 * STEP)
+    };
+    (1..=PLACES).map(|i| p * (f64::from(i) / f64::from(PLACES))).all(|at| {
+        let (u, v) = (slope(&at, Vector2::new(STEP, 0.0)), slope(&at, Vector2::new(0.0, STEP)));
+        u.x * v.y - u.y * v.x >= LEAST_DETERMINANT
+    })
 }
 
 /// Angle from the axis, radians, from which on a fisheye shows nothing.

@@ -72,6 +72,13 @@ impl TestScene {
         (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)))
     }
 
+    /// Number of the twin's pixels for each pixel of the film.
+    pub(super) fn pixels_per_filmed(&self) -> f64 {
+        let [twin, film] = [&self.camera.pinhole, &self.camera.real]
+            .map(|camera| f64::from(camera.intrinsics.width) * f64::from(camera.intrinsics.height));
+        twin / film
+    }
+
     /// Width and height of the view, from the twin's size.
     pub(super) fn size(&self) -> [i32; 2] {
         let k = &self.camera.pinhole.intrinsics;
