@@ -201,7 +201,16 @@ fn learnt_of_poses(
     let (before, after) = frames.split_at(turned_at);
     let after_turn = if after.len() >= LEAST_FRAMES { Some(Backdrop::learn(after)?) } else { None };
     let before = if before.len() >= LEAST_FRAMES { before } else { &frames };
-    Ok(Backgrounds { before_turn: empty_scene(before)?, after_turn })
+    let before_turn = empty_scene(before)?;
+    if let InitialBackground::Backdrops(scenes) = &before_turn
+        && scenes.len() > 1
+    {
+        tracing::info!(
+            "{recording}: its light changes; {} empty scenes are used, each in its light",
+            scenes.len()
+        );
+    }
+    Ok(Backgrounds { before_turn, after_turn })
 }
 
 fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<InitialBackground> {
@@ -210,12 +219,5 @@ fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<InitialBackground
 
 /// Empty scene of frames that are spread over a recording, in each of its lights.
 fn empty_scene(frames: &[RgbImage]) -> anyhow::Result<InitialBackground> {
-    let mut scenes = lights::learn(frames)?;
-    Ok(match scenes.pop() {
-        Some(only) if scenes.is_empty() => InitialBackground::Backdrop(only),
-        last => {
-            scenes.extend(last);
-            InitialBackground::Lights(scenes)
-        }
-    })
+    Ok(InitialBackground::Backdrops(lights::learn(frames)?))
 }

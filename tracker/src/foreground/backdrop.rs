@@ -1,6 +1,6 @@
 //! The empty scene of one camera, learnt from frames of a recording in which people come and go: the median of each
-//! channel over time, and the deviation of the frames from it. Where somebody stands still for most of the time, the
-//! colour behind him is taken instead ([`recurrence`]).
+//! channel over time, and the deviation of the frames from it. Where a person stands still for most of the time, the
+//! colour behind that person is taken instead ([`recurrence`]).
 
 use std::borrow::Borrow;
 
@@ -125,6 +125,12 @@ fn quantile(lanes: &[[u8; LANES]], fraction: f64) -> [u8; LANES] {
         }
     }
     found
+}
+
+/// Median of some levels, at least one; they are reordered.
+pub(super) fn median(levels: &mut [u8]) -> u8 {
+    let middle = levels.len() / 2;
+    *levels.select_nth_unstable(middle).1
 }
 
 /// Standard deviation of each pixel, averaged over its neighbours, from the deviations of the three channels.

@@ -1,18 +1,19 @@
-//! Lights of a recording: a lamp that is switched, for the whole picture or for a part of it, gives the empty scene another
-//! look, and both looks are right, each at its time.
+//! Empty scenes of a recording in several lights: a switched lamp changes all of the picture or a part of it, and each light
+//! has its own empty scene.
 //!
-//! Between two sampled frames the light has changed where the pictures before and after differ over much of the image, more
-//! than by the camera's exposure ([`Exposure`]; of levels that the sensor has clipped it cannot tell back), by a factor that
-//! varies slowly over the image ([`relight`]); people change less of the image, and not by a factor. An empty scene is learnt
-//! in each light. During the run the one that explains most of the frame is the background.
+//! The light has changed between two sampled frames if the pictures before and after differ in many pixels, and by a factor
+//! that varies slowly over the image ([`relight`]); people change fewer pixels, and not by a factor. A change of the camera's
+//! exposure ([`Exposure`]) is no other light, unless the sensor clips levels, which cannot be computed back. During the run the
+//! empty scene that explains most of the frame is the background.
 
 use std::borrow::Borrow;
 use std::ops::Range;
 
 use image::RgbImage;
 
-use super::backdrop::Backdrop;
+use super::backdrop::{Backdrop, median as median_level};
 use super::exposure::{Exposure, samples};
+use super::pixels::{PixelModel, PixelOptions};
 use super::relight;
 use crate::Result;
 
@@ -42,7 +43,6 @@ pub fn learn(frames: &[impl Borrow<RgbImage>]) -> Result<Vec<Backdrop>> {
         return Ok(vec![Backdrop::learn(&frames)?]);
     }
     let lights = of_one_light(&frames);
-    tracing::debug!(lights = lights.len(), "lights of a recording");
     if lights.len() > MOST_LIGHTS {
         return Ok(vec![Backdrop::learn(&frames)?]);
     }
@@ -50,7 +50,7 @@ pub fn learn(frames: &[impl Borrow<RgbImage>]) -> Result<Vec<Backdrop>> {
     lights.iter().map(|numbers| Backdrop::learn(&of(numbers))).collect()
 }
 
-/// Numbers of the frames of each light, by the light's first frame.
+/// Numbers of the frames of each light; lights are in the order of their first frames.
 fn of_one_light(frames: &[&RgbImage]) -> Vec<Vec<usize>> {
     let grids: Vec<Vec<[u8; 3]>> = frames.iter().map(|frame| samples(frame)).collect();
     let mut lights: Vec<(Vec<[u8; 3]>, Vec<usize>)> = Vec::new();
@@ -94,17 +94,10 @@ fn stretches(frames: &[&RgbImage], grids: &[Vec<[u8; 3]>]) -> Vec<Range<usize>> 
     ends.into_iter().map(|end| std::mem::replace(&mut start, end)..end).collect()
 }
 
-/// Whether most of what differs in two pictures is the light.
+/// Whether nearly all that differs in two pictures is the light.
 fn is_other_light(before: &RgbImage, after: &RgbImage) -> bool {
-    let Some(relit) = relight::relit(before, after) else { return false };
-    let (mut changed, mut explained) = (0_usize, 0_usize);
-    for ((a, b), is_explained) in before.pixels().zip(after.pixels()).zip(relit.explained) {
-        if is_changed(a.0, b.0) {
-            changed += 1;
-            explained += usize::from(is_explained);
-        }
-    }
-    explained as f64 >= EXPLAINED_SHARE * changed as f64
+    let changed = before.pixels().zip(after.pixels()).map(|(a, b)| is_changed(a.0, b.0));
+    relight::relit(before, after).is_some_and(|relit| relit.explained_share(changed) >= EXPLAINED_SHARE)
 }
 
 fn is_changed(a: [u8; 3], b: [u8; 3]) -> bool {
@@ -133,8 +126,7 @@ fn median(grids: &[Vec<[u8; 3]>]) -> Vec<[u8; 3]> {
                 for (level, grid) in levels.iter_mut().zip(grids) {
                     *level = grid[pixel][channel];
                 }
-                let middle = levels.len() / 2;
-                *levels.select_nth_unstable(middle).1
+                median_level(&mut levels)
             })
         })
         .collect()
@@ -148,37 +140,53 @@ fn median_picture(frames: &[&RgbImage]) -> RgbImage {
         for (level, frame) in levels.iter_mut().zip(frames) {
             *level = frame.as_raw()[at];
         }
-        let middle = levels.len() / 2;
-        *into = *levels.select_nth_unstable(middle).1;
+        *into = median_level(&mut levels);
     }
     picture
 }
 
-/// Choice among the lights of a camera, frame by frame.
+/// Models of a camera's empty scene in each of its known lights, of which the present one is in use.
 #[derive(Debug, Clone)]
-pub(super) struct LightChoice {
+pub(super) struct Lights {
+    models: Vec<PixelModel>,
     /// Some pixels of the empty scene in each light.
     looks: Vec<Vec<[u8; 3]>>,
     present: usize,
 }
 
-impl LightChoice {
-    /// Choice among empty scenes, of which the first is the background at the start.
-    pub(super) fn new(scenes: &[Backdrop]) -> Self {
-        Self { looks: scenes.iter().map(|scene| samples(&scene.picture)).collect(), present: 0 }
+impl Lights {
+    /// Models of these empty scenes, at least one, of which the first is in use.
+    pub(super) fn new(scenes: &[Backdrop], options: &PixelOptions) -> Self {
+        Self {
+            models: scenes.iter().map(|scene| PixelModel::new(scene, options)).collect(),
+            looks: scenes.iter().map(|scene| samples(&scene.picture)).collect(),
+            present: 0,
+        }
     }
 
-    /// Number of the light in which a frame was taken, when it is another one than before.
-    pub(super) fn changed_to(&mut self, frame: &RgbImage) -> Option<usize> {
+    /// Model of the present light.
+    pub(super) fn present(&self) -> &PixelModel {
+        &self.models[self.present]
+    }
+
+    /// Model of the present light.
+    pub(super) fn present_mut(&mut self) -> &mut PixelModel {
+        &mut self.models[self.present]
+    }
+
+    /// Takes the light in which a frame was taken. Returns whether it is another one than before.
+    pub(super) fn follow(&mut self, frame: &RgbImage) -> bool {
+        if self.looks.len() < 2 {
+            return false;
+        }
         let seen = samples(frame);
         let explained = |light: &Vec<[u8; 3]>| 1.0 - unexplained_share(light, &seen);
         let shares: Vec<f64> = self.looks.iter().map(explained).collect();
-        let best = (0..shares.len()).max_by(|a, b| shares[*a].total_cmp(&shares[*b]).then(b.cmp(a)))?;
-        if shares[best] < shares[self.present] + BETTER_SHARE {
-            return None;
-        }
-        self.present = best;
-        Some(best)
+        let least = shares[self.present] + BETTER_SHARE;
+        let best = (0..shares.len()).max_by(|a, b| shares[*a].total_cmp(&shares[*b]).then(b.cmp(a)));
+        let better = best.filter(|light| shares[*light] >= least);
+        self.present = better.unwrap_or(self.present);
+        better.is_some()
     }
 }
 
@@ -249,9 +257,12 @@ mod tests {
     #[test]
     fn the_light_of_each_frame_is_chosen() {
         let frames = frames(|t, u| if (10..25).contains(&t) && u < 80 { 1.7 } else { 1.0 });
-        let mut choice = LightChoice::new(&learn(&frames).unwrap());
-        let changes: Vec<(usize, usize)> =
-            frames.iter().enumerate().filter_map(|(t, frame)| Some((t, choice.changed_to(frame)?))).collect();
+        let mut lights = Lights::new(&learn(&frames).unwrap(), &PixelOptions::default());
+        let changes: Vec<(usize, usize)> = frames
+            .iter()
+            .enumerate()
+            .filter_map(|(t, frame)| lights.follow(frame).then_some((t, lights.present)))
+            .collect();
         assert_eq!(changes, [(10, 1), (25, 0)]);
     }
 }

@@ -16,6 +16,7 @@ pub mod adaptive;
 pub mod backdrop;
 pub mod exposure;
 pub mod health;
+mod initial;
 mod lanes;
 pub mod lights;
 mod options;
@@ -33,51 +34,20 @@ use adaptive::AdaptiveModel;
 use backdrop::Backdrop;
 use exposure::Exposure;
 use health::Health;
-use lights::LightChoice;
+pub use initial::InitialBackground;
+use lights::Lights;
 pub use options::ForegroundOptions;
-use pixels::{PixelModel, ScoredFrame, THRESHOLD};
+use pixels::{ScoredFrame, THRESHOLD};
 use regions::Regions;
 use shadow::{SHADOW, Shadows};
 pub use verdict::Verdict;
 
 use crate::{Error, Result};
 
-/// Initial background of one camera.
-#[derive(Debug, Clone)]
-pub enum InitialBackground {
-    /// An empty scene, learnt beforehand.
-    Backdrop(Backdrop),
-    /// An empty scene in several lights, learnt beforehand; at least one.
-    Lights(Vec<Backdrop>),
-    /// No background: an adaptive model learns during the run.
-    Nothing(AdaptiveKind),
-    /// A reference picture of the room, taken at another time and in other light, in which only movable things may
-    /// differ: the default adaptive model starts from it.
-    Reference {
-        /// Name of the camera, for the log.
-        camera: String,
-        /// The picture, at the size of the masks.
-        picture: RgbImage,
-    },
-}
-
-impl InitialBackground {
-    /// The empty scene that is known beforehand, in its first light.
-    pub fn empty_scene(&self) -> Option<&Backdrop> {
-        match self {
-            Self::Backdrop(scene) => Some(scene),
-            Self::Lights(scenes) => scenes.first(),
-            Self::Nothing(_) | Self::Reference { .. } => None,
-        }
-    }
-}
-
 /// Foreground of one camera, frame by frame.
 pub struct Foreground {
     options: ForegroundOptions,
     model: BackgroundModel,
-    /// Models of the other lights, where the empty scene is known in several.
-    lights: Option<Lights>,
     health: Health,
     exposure: Exposure,
     morphology: Morphology,
@@ -110,16 +80,8 @@ pub struct Foreground {
 }
 
 enum BackgroundModel {
-    Pixels(PixelModel),
+    Pixels(Lights),
     Adaptive(AdaptiveModel),
-}
-
-/// Models of a camera's empty scene in the lights that are known.
-struct Lights {
-    choice: LightChoice,
-    /// Model of each light; that of the present one is in use, and another's stands in its place here.
-    models: Vec<PixelModel>,
-    present: usize,
 }
 
 /// Number of frames between two updates of the background picture for the exposure fit: it changes slowly.
@@ -151,9 +113,8 @@ impl Foreground {
         options: ForegroundOptions,
     ) -> Result<Self> {
         let mut background = RgbImage::new(width, height);
-        let mut lights = None;
         let model = match start {
-            InitialBackground::Lights(scenes) => {
+            InitialBackground::Backdrops(scenes) => {
                 let Some(first) = scenes.first() else {
                     return Err(Error::option("background", "there is no empty scene"));
                 };
@@ -161,18 +122,7 @@ impl Foreground {
                     check_size(&scene.picture, (width, height))?;
                 }
                 background.copy_from_slice(&first.picture);
-                let models: Vec<PixelModel> =
-                    scenes.iter().map(|scene| PixelModel::new(scene, &options.pixels)).collect();
-                let model = BackgroundModel::Pixels(models[0].clone());
-                if scenes.len() > 1 {
-                    lights = Some(Lights { choice: LightChoice::new(&scenes), models, present: 0 });
-                }
-                model
-            }
-            InitialBackground::Backdrop(backdrop) => {
-                check_size(&backdrop.picture, (width, height))?;
-                background.copy_from_slice(&backdrop.picture);
-                BackgroundModel::Pixels(PixelModel::new(&backdrop, &options.pixels))
+                BackgroundModel::Pixels(Lights::new(&scenes, &options.pixels))
             }
             InitialBackground::Nothing(kind) => {
                 BackgroundModel::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
@@ -190,7 +140,6 @@ impl Foreground {
             flat_tolerance: vec![options.pixels.least_levels as u8; flat],
             options,
             model,
-            lights,
             health: Health::default(),
             exposure: Exposure::default(),
             morphology: Morphology::default(),
@@ -220,7 +169,7 @@ impl Foreground {
     pub fn begun_anew(&self, scene: Option<Backdrop>) -> Result<Self> {
         let (width, height) = self.people.dimensions();
         let unknown = || InitialBackground::Nothing(AdaptiveKind::default());
-        let start = scene.map_or_else(unknown, InitialBackground::Backdrop);
+        let start = scene.map_or_else(unknown, InitialBackground::from);
         Self::new(width, height, start, self.options.clone())
     }
 
@@ -242,7 +191,7 @@ impl Foreground {
             return Ok(Verdict::Dark);
         }
         self.frames += 1;
-        self.choose_light(frame);
+        self.follow_light(frame);
         if self.options.exposure && !self.is_first_look() {
             self.exposure = Exposure::fit(&self.background, frame, &self.exposure);
         }
@@ -289,21 +238,23 @@ impl Foreground {
     /// The model's present background, in its own exposure.
     pub fn background(&mut self) -> &RgbImage {
         match &self.model {
-            BackgroundModel::Pixels(model) => model.picture(&mut self.background),
+            BackgroundModel::Pixels(lights) => lights.present().picture(&mut self.background),
             BackgroundModel::Adaptive(model) => self.background.copy_from_slice(model.picture()),
         }
         &self.background
     }
 
     /// Takes the background of the light in which the frame was taken.
-    fn choose_light(&mut self, frame: &RgbImage) {
-        let (Some(lights), BackgroundModel::Pixels(model)) = (&mut self.lights, &mut self.model) else {
-            return;
-        };
-        let Some(light) = lights.choice.changed_to(frame) else { return };
-        lights.models.swap(lights.present, light);
-        std::mem::swap(model, &mut lights.models[lights.present]);
-        lights.present = light;
+    fn follow_light(&mut self, frame: &RgbImage) {
+        if let BackgroundModel::Pixels(lights) = &mut self.model
+            && lights.follow(frame)
+        {
+            self.begin_background();
+        }
+    }
+
+    /// Forgets what is known of the frames before another background.
+    fn begin_background(&mut self) {
         self.exposure = Exposure::default();
         self.switched_s = None;
         self.latest_fraction = 0.0;
@@ -318,8 +269,8 @@ impl Foreground {
     /// Scores the pixels and removes shadows. Returns the fraction of pixels that have changed, shadows included.
     fn judge(&mut self, frame: &RgbImage, mask: &mut GrayImage) -> Result<f64> {
         match &mut self.model {
-            BackgroundModel::Pixels(model) => {
-                model.score(frame, &self.exposure, &mut self.expected, &mut self.score);
+            BackgroundModel::Pixels(lights) => {
+                lights.present().score(frame, &self.exposure, &mut self.expected, &mut self.score);
             }
             BackgroundModel::Adaptive(model) => {
                 model.score(frame, &self.exposure, &mut self.score)?;
@@ -335,7 +286,7 @@ impl Foreground {
             self.score.iter().filter(|s| **s >= WEAK).count() as f64 / (self.score.len() as f64).max(1.0);
         if let Some(shadows) = &self.options.shadows {
             let tolerance = match &self.model {
-                BackgroundModel::Pixels(model) => model.tolerance(),
+                BackgroundModel::Pixels(lights) => lights.present().tolerance(),
                 BackgroundModel::Adaptive(_) => &self.flat_tolerance,
             };
             self.shadows.mark((frame, &self.expected), tolerance, WEAK, shadows, &mut self.score);
@@ -385,19 +336,15 @@ impl Foreground {
     /// Whether most of the changed pixels show the background in another light.
     fn is_other_light(&mut self, frame: &RgbImage) -> bool {
         let Some(relit) = relight::relit(self.background(), frame) else { return false };
-        let changed = self.score.iter().zip(&relit.explained).filter(|(s, _)| **s >= WEAK || **s == SHADOW);
-        let (mut all, mut explained) = (0_usize, 0_usize);
-        for (_, is_explained) in changed {
-            all += 1;
-            explained += usize::from(*is_explained);
-        }
-        2 * explained > all
+        let changed = self.score.iter().map(|score| *score >= WEAK || *score == SHADOW);
+        relit.explained_share(changed) > 0.5
     }
 
     fn relearn(&mut self, frame: &RgbImage, time_s: f64, elapsed_s: f32) -> Result<()> {
         let begins = self.switched_s.is_none();
         let since = *self.switched_s.get_or_insert(time_s);
-        if let BackgroundModel::Pixels(model) = &mut self.model {
+        if let BackgroundModel::Pixels(lights) = &mut self.model {
+            let model = lights.present_mut();
             if begins {
                 model.begin_watch();
             }
@@ -405,14 +352,10 @@ impl Foreground {
         }
         if time_s - since >= self.options.relearn_s {
             match &mut self.model {
-                BackgroundModel::Pixels(model) => model.adopt(frame),
+                BackgroundModel::Pixels(lights) => lights.present_mut().adopt(frame),
                 BackgroundModel::Adaptive(model) => model.restart(frame)?,
             }
-            self.exposure = Exposure::default();
-            self.switched_s = None;
-            self.latest_fraction = 0.0;
-            self.latest_changed = 0.0;
-            self.background();
+            self.begin_background();
         }
         Ok(())
     }
@@ -423,9 +366,9 @@ impl Foreground {
             self.regions.spread(mask, &mut self.seen_people, PEOPLE_SHARE);
         }
         match &mut self.model {
-            BackgroundModel::Pixels(model) => {
+            BackgroundModel::Pixels(lights) => {
                 let judged = ScoredFrame { score: &self.score, mask, people: &self.seen_people };
-                model.learn(frame, &self.exposure, judged, elapsed_s);
+                lights.present_mut().learn(frame, &self.exposure, judged, elapsed_s);
             }
             BackgroundModel::Adaptive(model) => model.learn(mask, &self.seen_people, elapsed_s)?,
         }

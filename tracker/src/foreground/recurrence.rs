@@ -1,12 +1,14 @@
-//! Which of two colours that a pixel shows for long is the empty scene's: a person who stands still for most of a recording
-//! is its median there.
+//! Restores the empty scene behind people who stand still for most of a recording: the median over time shows the person.
 //!
-//! The empty scene comes back: it is seen before and after whoever stands before it. And it fits into its surroundings,
-//! while a body has an outline (as R. Cucchiara et al. tell ghosts from objects, "Detecting moving objects, ghosts, and
-//! shadows in video streams", PAMI 2003). A region whose other colour comes back shows that in the empty scene, unless its
-//! outline contradicts; where neither colour comes back, the outline alone decides. Shadows have none that counts.
+//! A pixel that shows two colours for long shows the empty scene and a body. The empty scene comes back: it is visible before
+//! and after the person. And it fits into its surroundings, while a body has an outline (R. Cucchiara et al. distinguish ghosts
+//! from objects by it: "Detecting moving objects, ghosts, and shadows in video streams", PAMI 2003). A region whose other colour
+//! comes back has that colour in the empty scene, unless the outline contradicts; where neither colour comes back, the outline
+//! alone decides. Shadows have no outline that counts.
 
 use image::RgbImage;
+
+use super::backdrop::median as median_level;
 
 /// Share of frames with the median colour from which on there is no other.
 const CLEAR_SHARE: f64 = 0.8;
@@ -14,7 +16,7 @@ const CLEAR_SHARE: f64 = 0.8;
 const OTHER_SHARE: f64 = 0.1;
 /// …and of those that do not show the median.
 const OTHER_OF_REST: f64 = 0.5;
-/// Largest distance of a colour from another that is the same, levels.
+/// Largest distance of two colours that count as the same, levels.
 const NEAR_LEVELS: i32 = 20;
 /// Least area of a region, as a share of the picture.
 const LEAST_AREA: f64 = 0.0005;
@@ -25,10 +27,11 @@ const FITS_BETTER: f64 = 0.8;
 const FITS_WORSE: f64 = 1.3;
 /// Distance of the surroundings from a region, pixels: the edge of a shadow is soft.
 const BESIDE_PX: usize = 4;
-/// Largest ratio of the channels' ratios of two shades of one surface, and levels that are added to each, for dark ones.
+/// Two colours are shades of one surface if the ratios of their three channels differ by no more than this factor.
 const SHADE_RATIO: f64 = 1.15;
+/// Levels that are added before the division: those of dark colours are mostly noise.
 const DARK: f64 = 4.0;
-/// Share of shades in a region from which on it is no body, but light that has changed.
+/// Share of shades in a region above which it is changed light, not a body.
 const MOST_SHADE: f64 = 0.7;
 /// Largest difference of levels that counts in a contrast.
 const MOST_CONTRAST: u32 = 60;
@@ -39,7 +42,7 @@ const GAP: usize = 160;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct OtherColor {
     pub(super) color: [u8; 3],
-    /// Number of stretches of time in which it is seen, less that of the median colour.
+    /// Number of uninterrupted periods in which it is seen, minus that of the median colour.
     pub(super) returns: i8,
 }
 
@@ -58,9 +61,7 @@ pub(super) fn other_color(
     }
     let rest: Vec<[u8; 3]> = frames.clone().filter(|color| !is_near(*color, median)).collect();
     let color: [u8; 3] = std::array::from_fn(|channel| {
-        let mut levels: Vec<u8> = rest.iter().map(|color| color[channel]).collect();
-        let middle = levels.len() / 2;
-        *levels.select_nth_unstable(middle).1
+        median_level(&mut rest.iter().map(|color| color[channel]).collect::<Vec<u8>>())
     });
     let shown = rest.iter().filter(|seen| is_near(**seen, color)).count() as f64;
     if shown < OTHER_SHARE * all as f64 || shown < OTHER_OF_REST * rest.len() as f64 {
@@ -87,7 +88,7 @@ fn is_near(a: [u8; 3], b: [u8; 3]) -> bool {
     squared <= NEAR_LEVELS * NEAR_LEVELS
 }
 
-/// Puts the other colour into the regions of a median picture whose empty scene it is.
+/// Replaces the bodies in a median picture by the other colours: those of the empty scene.
 pub(super) fn restore(picture: &mut RgbImage, others: &[Option<OtherColor>]) {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let least = (LEAST_AREA * others.len() as f64).ceil() as usize;

@@ -26,6 +26,18 @@ pub struct Relit {
     pub explained: Vec<bool>,
 }
 
+impl Relit {
+    /// Share of the changed pixels that the new light explains; 0 without any. `changed` has the pixels row by row.
+    pub fn explained_share(&self, changed: impl Iterator<Item = bool>) -> f64 {
+        let (mut all, mut explained) = (0_usize, 0_usize);
+        for (_, is_explained) in changed.zip(&self.explained).filter(|(is_changed, _)| *is_changed) {
+            all += 1;
+            explained += usize::from(*is_explained);
+        }
+        explained as f64 / all.max(1) as f64
+    }
+}
+
 /// Predicts the `background` in the light of the picture `now`; `None` where light does not explain the difference.
 pub fn relit(background: &RgbImage, now: &RgbImage) -> Option<Relit> {
     let (width, height) = background.dimensions();

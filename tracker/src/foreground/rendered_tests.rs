@@ -68,7 +68,7 @@ impl MaskedRecording {
     /// Background learnt from frames spread over the whole recording.
     fn median(&self) -> InitialBackground {
         let pictures: Vec<&RgbImage> = self.frames.iter().step_by(3).map(|(_, picture, _)| picture).collect();
-        InitialBackground::Backdrop(Backdrop::learn(&pictures).unwrap())
+        Backdrop::learn(&pictures).unwrap().into()
     }
 
     /// Background learnt from the frames before anybody came.
@@ -76,7 +76,7 @@ impl MaskedRecording {
         let empty = self.frames.iter().take_while(|(_, _, truth)| truth.iter().all(|t| *t == 0));
         let pictures: Vec<&RgbImage> = empty.map(|(_, picture, _)| picture).collect();
         assert!(pictures.len() > 5, "hardly any empty frame");
-        InitialBackground::Backdrop(Backdrop::learn(&pictures).unwrap())
+        Backdrop::learn(&pictures).unwrap().into()
     }
 
     /// Agreement of the masks with the truth over a time, and the verdicts of all frames.

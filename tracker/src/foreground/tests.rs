@@ -48,7 +48,7 @@ fn even(_: u32, _: u32) -> f64 {
 
 fn known(camera: &mut FloorCamera, options: ForegroundOptions) -> Foreground {
     let frames: Vec<RgbImage> = (0..15).map(|_| camera.look(None, even).0).collect();
-    let start = InitialBackground::Backdrop(Backdrop::learn(&frames).unwrap());
+    let start = InitialBackground::from(Backdrop::learn(&frames).unwrap());
     Foreground::new(SIZE.0, SIZE.1, start, options).unwrap()
 }
 
@@ -245,7 +245,7 @@ fn frozen_and_dark_pictures_are_set_aside_and_the_camera_is_taken_back() {
 
 #[test]
 fn a_backdrop_of_another_size_is_refused() {
-    let start = InitialBackground::Backdrop(Backdrop::learn(&[RgbImage::new(8, 6)]).unwrap());
+    let start = InitialBackground::from(Backdrop::learn(&[RgbImage::new(8, 6)]).unwrap());
     let said = Foreground::new(16, 12, start, ForegroundOptions::default()).err().unwrap().to_string();
     assert!(said.contains("8 × 6") && said.contains("16 × 12"), "{said}");
 }
