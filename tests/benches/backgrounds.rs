@@ -1,5 +1,6 @@
-//! What the office's films would show with another light, or with people who stand still: MOTA by default, beside what is
-//! asked. The first three are those on which the choice of the background was designed.
+//! MOTA on the office's films with changed light, and with people who stand still for most of the time, beside the bound of
+//! each. The choice of the background was designed on the first three, and on
+//! the two that begin or end with people who stand still.
 //!
 //! `make bench`, or `cargo bench -p tests --bench backgrounds`; with `-- NAME` one film alone.
 #![forbid(unsafe_code)]

@@ -1,4 +1,4 @@
-//! The one program: what it answers itself is what its second executable, with OpenCV, would answer.
+//! `roomtrack` and `roomtrack-vision`: a command gives the same output from both executables.
 
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -37,7 +37,7 @@ fn other_commands_go_to_the_executable_with_all_commands() {
     let help = run("roomtrack", &["tracker", "run", "--help"]);
     assert!(help.status.success());
     assert!(String::from_utf8(help.stdout).unwrap().contains("roomtrack tracker run"));
-    // Alone, the program names what is missing.
+    // Without the other executable the program names the missing file.
     let alone = tempfile::tempdir().unwrap();
     let copy = alone.path().join("roomtrack");
     std::fs::copy(Path::new(program("roomtrack").get_program()), &copy).unwrap();
@@ -48,7 +48,7 @@ fn other_commands_go_to_the_executable_with_all_commands() {
         line.contains("lib/roomtrack/roomtrack-vision: is missing") && line.lines().count() == 1,
         "{line}"
     );
-    // What it answers itself it answers alone, too.
+    // Commands that need numbers alone work without the other executable.
     let version = std::process::Command::new(&copy).arg("--version").output().unwrap();
     assert!(version.status.success() && version.stdout.starts_with(b"roomtrack "), "{version:?}");
 }

@@ -29,7 +29,7 @@ struct FrameOutput {
     fl_y: f64,
     cx: f64,
     cy: f64,
-    /// Where it is not that of all frames.
+    /// Lens model of the frame, if it is another one than that of the whole file.
     #[serde(skip_serializing_if = "Option::is_none")]
     camera_model: Option<&'static str>,
     k1: f64,

@@ -55,7 +55,7 @@ impl LearntLength {
     /// Sum over the moments that are not in `part`.
     pub(super) fn without(&self, part: &Self) -> Self {
         let weight = self.weight - part.weight;
-        // What is left of equal sums is rounding.
+        // The difference of two equal sums is rounding, no measurement.
         if weight <= 1e-9 * self.weight { Self::default() } else { Self { weight, sum: self.sum - part.sum } }
     }
 

@@ -179,7 +179,7 @@ fn follow(
             let (width, height) = pictures[0].dimensions();
             let start = match seed % 2 {
                 0 => InitialBackground::Nothing(AdaptiveKind::Mog2),
-                _ => InitialBackground::Backdrop(Backdrop::learn(&pictures).unwrap()),
+                _ => Backdrop::learn(&pictures).unwrap().into(),
             };
             Foreground::new(width, height, start, options.clone()).unwrap()
         })

@@ -7,7 +7,7 @@ use image::RgbImage;
 
 use super::*;
 use crate::foreground::backdrop::Backdrop;
-use crate::foreground::{Foreground, ForegroundOptions, InitialBackground, Verdict};
+use crate::foreground::{Foreground, ForegroundOptions, Verdict};
 use crate::observation::Mask;
 use crate::source::sampling;
 
@@ -19,8 +19,7 @@ fn masks(video: &Path, camera: &crate::prepared_room::PreparedCamera) -> Vec<Opt
     let (width, height) = (camera.width(), camera.height());
     let backdrop = Backdrop::learn(&sampling::spread(path, (width, height)).unwrap()).unwrap();
     let options = ForegroundOptions::default();
-    let mut foreground =
-        Foreground::new(width, height, InitialBackground::Backdrop(backdrop), options).unwrap();
+    let mut foreground = Foreground::new(width, height, backdrop.into(), options).unwrap();
     let (mut source, mut image, mut mask) =
         (FrameSource::open(path).unwrap(), RgbImage::default(), GrayImage::default());
     let mut masks = Vec::new();

@@ -199,7 +199,7 @@ fn gathered(
             .zip(clocks)
             .enumerate()
     {
-        let start = InitialBackground::Backdrop(empty.clone());
+        let start = InitialBackground::from(empty.clone());
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
         let masks = Masks::Subtracted(Box::new(foreground));
         let Some(VideoSource::Recorded(video)) = source.video else { panic!("a folder is a recording") };

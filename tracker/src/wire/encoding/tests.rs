@@ -253,7 +253,7 @@ fn office(camera: &str) -> Vec<(ObservedFrame, RgbImage)> {
     let path = path.join(camera).with_extension("mp4");
     let frames = FrameSource::open(path.to_str().unwrap()).unwrap().read_all().unwrap();
     let (width, height) = frames[0].dimensions();
-    let start = InitialBackground::Backdrop(Backdrop::learn(&frames[..20]).unwrap());
+    let start = InitialBackground::from(Backdrop::learn(&frames[..20]).unwrap());
     let mut foreground = Foreground::new(width, height, start, ForegroundOptions::default()).unwrap();
     let mut image = GrayImage::new(width, height);
     let mut seen = Vec::new();

@@ -112,7 +112,7 @@ fn people_who_stood_together_get_their_ids_back_when_their_sizes_are_clear() {
             assert_eq!(name_of(trace), if height_m > 1.71 { 1 } else { 2 }, "{} s", moment.time_s);
         }
     }
-    // What was learnt is of the same people.
+    // The tracker exchanges the learnt sizes with the names.
     for (id, size) in renaming.ids.iter().zip(renaming.sizes) {
         held.encounters.tracked.get_mut(id).unwrap().size = size;
     }
