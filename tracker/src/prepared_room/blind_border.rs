@@ -148,10 +148,10 @@ mod tests {
                     camera.real.intrinsics.project(&Point3::from(ray)).map_or(f64::NAN, |filmed| filmed.x);
                 // What is within a pixel of the border's edge may count as either.
                 if (0.0..3.5).contains(&u) || (197.5..199.0).contains(&u) {
-                    assert_eq!(*z_m, 0.0, "{x}, {y}: filmed at {u}");
+                    assert!(*z_m <= 0.0, "{x}, {y}: filmed at {u}");
                     outside += 1;
                 } else if (5.5..195.5).contains(&u) {
-                    assert_eq!(z_m, before, "{x}, {y}: filmed at {u}");
+                    assert!(z_m.total_cmp(before).is_eq(), "{x}, {y}: filmed at {u}");
                     inside += 1;
                 }
             }

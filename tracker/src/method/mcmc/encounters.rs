@@ -10,13 +10,18 @@
 //! ```
 //!
 //! A track that ended and one that began near it are an encounter, too: an exchange then gives the new track the old id.
+//! A track that went over to somebody who had been lost is one more: the lost person's name goes on there, and the track's own is
+//! lost since then ([`jumps`]).
 //! Three people who exchanged their ids in a circle are two exchanges. Ids are exchanged from the encounter on, in all held
 //! moments; what has been told already stays.
+
+mod jumps;
 
 use std::collections::{BTreeMap, VecDeque};
 
 use nalgebra::Vector2;
 
+use self::jumps::jumps_to;
 use super::Mcmc;
 use super::options::McmcOptions;
 use super::person::Key;
@@ -86,8 +91,18 @@ struct Renaming {
     ids: [TrackId; 2],
     /// Sizes that the two have from then on.
     sizes: [LearntSize; 2],
-    /// Whether the first of the two is found again as the second, whose name is given up.
-    is_found: bool,
+    kind: Kind,
+}
+
+/// Kinds of exchange of two names.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    /// Two tracks that met.
+    Met,
+    /// The first, who was lost, is found again as the second, whose name is given up.
+    Found,
+    /// The track of the second went over to the first, who was lost; the second is lost since this time and place.
+    Jumped(f64, Vector2<f64>),
 }
 
 /// Sizes that each name showed in the held moments: after each of them until now.
@@ -188,14 +203,14 @@ impl Encounters {
             let lost = || self.lost.iter().find(|lost| lost.id == id).map(|lost| lost.learnt.size);
             self.tracked.get(&id).map(|traits| traits.size).or_else(lost).unwrap_or_default()
         };
-        let weighed = |time_s: f64, ids: [TrackId; 2], nats: f64, is_found: bool| {
+        let weighed = |time_s: f64, ids: [TrackId; 2], nats: f64, kind: Kind| {
             let after = ids.map(|id| since.after(id, time_s));
             let before = [0, 1].map(|i| learnt(ids[i]).without(&after[i]));
             let gain = nats + size_exchange_nats(before.each_ref(), after.each_ref(), options);
             let sizes = [0, 1].map(|i: usize| before[i].with(&after[1 - i]));
-            (gain, Renaming { time_s, ids, sizes, is_found })
+            (gain, Renaming { time_s, ids, sizes, kind })
         };
-        let met = self.met.iter().map(|met| weighed(met.time_s, met.ids, met.place_nats, false));
+        let met = self.met.iter().map(|met| weighed(met.time_s, met.ids, met.place_nats, Kind::Met));
         let begun = beginnings(moments);
         let found = self.lost.iter().flat_map(|lost| {
             let later = begun.iter().filter(|(id, begun_s)| {
@@ -203,16 +218,29 @@ impl Encounters {
             });
             later.filter_map(|(id, begun_s)| {
                 let (time_s, place) = first_place(moments, *id, begun_s.max(lost.time_s))?;
-                Some(weighed(lost.time_s, [lost.id, *id], room(lost, &place, time_s), true))
+                Some(weighed(lost.time_s, [lost.id, *id], room(lost, &place, time_s), Kind::Found))
             })
         });
-        let all = met.chain(found.collect::<Vec<_>>());
+        let jumped = self.lost.iter().flat_map(|lost| {
+            let jumps = jumps_to(moments, lost, room).into_iter();
+            let known = jumps.filter(|jump| jump.id != lost.id && self.tracked.contains_key(&jump.id));
+            known.filter_map(|jump| {
+                let (time_s, ids) = (jump.time_s, [lost.id, jump.id]);
+                // A track that is not its own person's may be a third one's.
+                let shown = since.after(jump.id, time_s);
+                let of_anybody = shown.log_density(&LearntSize::default(), options);
+                let is_likely = shown.log_density(&lost.learnt.size, options) > of_anybody;
+                let kind = Kind::Jumped(time_s, jump.left);
+                is_likely.then(|| weighed(time_s, ids, jump.nats, kind))
+            })
+        });
+        let all = met.chain(found.collect::<Vec<_>>()).chain(jumped.collect::<Vec<_>>());
         let clear = all.filter(|(gain, _)| *gain > CLEARLY_NATS);
         clear.max_by(|one, other| one.0.total_cmp(&other.0)).map(|(_, renaming)| renaming)
     }
 
     /// Exchanges two names in what is remembered of later encounters, and of lost people.
-    fn exchange(&mut self, Renaming { time_s, ids, sizes, is_found }: &Renaming) {
+    fn exchange(&mut self, Renaming { time_s, ids, sizes, kind }: &Renaming) {
         let [a, b] = *ids;
         let other = |id: TrackId| match id {
             id if id == a => b,
@@ -225,8 +253,14 @@ impl Encounters {
         for encounter in self.met.iter_mut().filter(|encounter| encounter.time_s > *time_s) {
             encounter.ids = encounter.ids.map(other);
         }
-        if *is_found {
-            self.lost.retain(|lost| lost.id != a);
+        match *kind {
+            Kind::Met => {}
+            Kind::Found => self.lost.retain(|lost| lost.id != a),
+            Kind::Jumped(left_s, left) => {
+                for lost in self.lost.iter_mut().filter(|lost| lost.id == a) {
+                    (lost.time_s, lost.place) = (left_s, left);
+                }
+            }
         }
         for lost in self.lost.iter_mut().filter(|lost| ids.contains(&lost.id)) {
             lost.id = other(lost.id);

@@ -148,7 +148,7 @@ fn found_again(heights_m: [f64; 2], gap: usize, returns_nats: f64) -> Option<Ren
 #[test]
 fn a_new_track_with_the_size_of_a_lost_person_gets_the_old_id() {
     let renaming = found_again([1.8, 1.8], 4, 0.0).unwrap();
-    assert_eq!((renaming.ids, renaming.is_found), ([TrackId(1), TrackId(2)], true));
+    assert_eq!((renaming.ids, renaming.kind), ([TrackId(1), TrackId(2)], Kind::Found));
     assert!((renaming.time_s - 29.0 * STEP_S).abs() < 1e-9);
     assert!(found_again([1.8, 1.65], 4, 0.0).is_none(), "another person");
     assert!(found_again([1.8, 1.8], 4, -20.0).is_none(), "too far away");
@@ -164,7 +164,65 @@ fn exchanged_names_are_those_of_later_encounters_too() {
         met: vec![met(1.0, [a, c]), met(2.0, [a, b]), met(3.0, [a, c]), met(3.0, [b, c])],
         ..Encounters::default()
     };
-    encounters.exchange(&Renaming { time_s: 2.0, ids: [a, b], sizes: <[_; 2]>::default(), is_found: false });
+    encounters.exchange(&Renaming { time_s: 2.0, ids: [a, b], sizes: <[_; 2]>::default(), kind: Kind::Met });
     let ids: Vec<[TrackId; 2]> = encounters.met.iter().map(|met| met.ids).collect();
     assert_eq!(ids, [[a, c], [b, c], [a, c]]);
+}
+
+/// Exchanges, one after the other, after a tall person was lost at the twentieth moment and the track of a smaller one, two metres
+/// away, took them seven moments later; the smaller one is followed anew two moments after that. The lost person comes back with
+/// these log odds by place and time.
+fn gone_over(heights_m: [f64; 2], returns_nats: f64) -> Vec<Renaming> {
+    let mut held = Held::default();
+    for moment in 0..60 {
+        let along_m = 1.0 + 0.05 * moment as f64;
+        let [tall, small] = [2.0, 3.0].map(|y_m| Vector2::new(along_m, y_m));
+        let mut tracks: Vec<Followed> = Vec::new();
+        if moment < 20 {
+            tracks.push((1, 1, tall, heights_m[0]));
+        }
+        if moment < 27 {
+            tracks.push((2, 2, small, heights_m[1]));
+        } else {
+            tracks.push((2, 2, tall, heights_m[0]));
+        }
+        if moment >= 29 {
+            tracks.push((3, 3, small, heights_m[1]));
+        }
+        held.add(&tracks);
+    }
+    let mut renamings = Vec::new();
+    while let Some(renaming) = held.clearest(returns_nats).filter(|_| renamings.len() < 5) {
+        held.smoother.exchange_names_since(renaming.ids, renaming.time_s);
+        held.encounters.exchange(&renaming);
+        for (id, size) in renaming.ids.iter().zip(renaming.sizes) {
+            if let Some(traits) = held.encounters.tracked.get_mut(id) {
+                traits.size = size;
+            }
+        }
+        // Names that nobody has any more are not tracked.
+        let last = held.smoother.moments.back().unwrap();
+        let learnt = |trace: &Trace| {
+            let size = renaming.ids.iter().position(|id| Some(*id) == trace.id).map(|i| renaming.sizes[i]);
+            let before = held.encounters.tracked.get(&trace.id.unwrap()).cloned().unwrap_or_default();
+            (trace.id.unwrap(), LearntTraits { size: size.unwrap_or(before.size), ..before })
+        };
+        held.encounters.tracked = last.people.iter().map(learnt).collect();
+        renamings.push(renaming);
+    }
+    renamings
+}
+
+#[test]
+fn a_track_that_goes_over_to_a_lost_person_leaves_its_own_behind() {
+    let [tall, small, new] = [1, 2, 3].map(TrackId);
+    let renamings = gone_over([1.85, 1.62], 0.0);
+    let ids: Vec<[TrackId; 2]> = renamings.iter().map(|renaming| renaming.ids).collect();
+    assert_eq!(ids, [[tall, small], [small, new]]);
+    let left = Vector2::new(1.0 + 0.05 * 26.0, 3.0);
+    let Kind::Jumped(time_s, place) = renamings[0].kind else { panic!("{:?}", renamings[0].kind) };
+    assert!((time_s - 26.0 * STEP_S).abs() < 1e-9 && (place - left).norm() < 0.1, "{time_s} {place}");
+    assert_eq!(renamings[1].kind, Kind::Found);
+    // Nobody goes over to somebody who cannot have been there.
+    assert!(gone_over([1.85, 1.62], -60.0).is_empty());
 }
