@@ -8,6 +8,8 @@ use calib::video::FrameSource;
 use image::RgbImage;
 use serde::Serialize;
 
+use crate::memory::{self, MemoryBound};
+use crate::working_size::WorkingSize;
 use crate::{Error, Result};
 
 /// Least number of frames from which motion can be estimated.
@@ -17,8 +19,8 @@ const MIN_FRAMES: usize = 3;
 /// the view of the room changes little from one to the next.
 const MOST_FRAMES: usize = 120;
 
-/// Horizontal field of view assumed where the lens of a capture is unknown; adjustment estimates the true one.
-pub const ASSUMED_FOV_DEG: f64 = 60.0;
+/// Horizontal fields of view from which the estimation of an unknown lens starts, degrees: the likeliest first.
+pub const ASSUMED_FOV_DEG: [f64; 4] = [60.0, 42.0, 82.0, 106.0];
 
 /// Choice of the frame at the installed pose.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -63,7 +65,9 @@ fn names_an_image(text: &str) -> bool {
 pub struct CaptureFile {
     name: String,
     path: PathBuf,
-    size: (u32, u32),
+    size: WorkingSize,
+    /// Largest number of frames that are used.
+    most_frames: usize,
     /// Number of frames filmed.
     count: usize,
     /// Index of the frame at the installed pose.
@@ -128,7 +132,8 @@ impl CaptureFile {
             return Err(Error::content(path, "frame 1", problem));
         }
         let (name, path) = (name.to_owned(), path.to_owned());
-        Ok(Self { name, path, size, count, reference, intrinsics, exif_focal_px })
+        let size = WorkingSize::of(size);
+        Ok(Self { name, path, size, most_frames: MOST_FRAMES, count, reference, intrinsics, exif_focal_px })
     }
 
     /// Name of the camera.
@@ -136,9 +141,20 @@ impl CaptureFile {
         &self.name
     }
 
-    /// Width and height of the frames, pixels.
-    pub fn size(&self) -> (u32, u32) {
+    /// Width and height of the frames as filmed, and as they are worked on.
+    pub fn size(&self) -> WorkingSize {
         self.size
+    }
+
+    /// The same capture, of which no more frames are used than a bound on memory leaves.
+    #[must_use]
+    pub fn within(self, bound: MemoryBound) -> Self {
+        Self { most_frames: bound.frames(self.size, MOST_FRAMES), ..self }
+    }
+
+    /// Bytes that it takes while it is worked on.
+    pub fn memory(&self) -> u64 {
+        memory::need(self.size, self.count.div_ceil(self.stride()))
     }
 
     /// Number of frames filmed.
@@ -148,45 +164,86 @@ impl CaptureFile {
 
     /// Step between the frames that are used, counted from the reference frame: a film of half a minute is sampled.
     pub fn stride(&self) -> usize {
-        self.count.div_ceil(MOST_FRAMES)
+        self.count.div_ceil(self.most_frames)
     }
 
-    /// Reads the frames that are used.
+    /// Reads the frames that are used, at the size at which they are worked on.
     ///
     /// # Errors
     /// A frame that cannot be decoded, or a file that ends before its header says; each names the file.
     pub fn read(&self) -> Result<Capture> {
-        let mut film = opened(&self.path)?;
-        let stride = self.stride();
-        let first = self.reference % stride;
-        let mut frames = Vec::with_capacity(self.count / stride + 1);
-        for _ in 0..first {
-            film.skip();
-        }
-        let (width, height) = self.size;
-        loop {
-            let mut frame = RgbImage::new(width, height);
-            if !film.read(&mut frame)? {
-                break;
-            }
+        let mut frames = Vec::with_capacity(self.count / self.stride() + 1);
+        self.each_frame(self.size.worked, &mut |frame| {
             frames.push(frame);
-            for _ in 1..stride {
-                film.skip();
-            }
-        }
+            Ok(())
+        })?;
+        let (stride, first) = (self.stride(), self.first());
         let reference = (self.reference - first) / stride;
         if frames.len() <= reference {
-            let problem = format!("it has changed since it was looked through ({} frames then)", self.count);
-            return Err(Error::content(&self.path, "whole capture", problem));
+            return Err(self.changed());
         }
         Ok(Capture {
             name: self.name.clone(),
             frames,
             sampled: Sampled { first, stride },
             reference,
-            intrinsics: self.intrinsics.clone(),
-            exif_focal_px: self.exif_focal_px,
+            intrinsics: self.intrinsics.as_ref().map(|filmed| self.size.worked_lens(filmed)),
+            exif_focal_px: self.exif_focal_px.map(|filmed| filmed / self.size.enlargement()),
         })
+    }
+}
+
+impl CaptureFile {
+    /// Index in the film of the first frame that is used.
+    fn first(&self) -> usize {
+        self.reference % self.stride()
+    }
+
+    fn changed(&self) -> Error {
+        let problem = format!("it has changed since it was looked through ({} frames then)", self.count);
+        Error::content(&self.path, "whole capture", problem)
+    }
+
+    /// Calls `take` with each frame that is used, at a size that is at most the filmed one.
+    ///
+    /// # Errors
+    /// As [`Self::read`]; the errors of `take`.
+    pub fn each_frame(
+        &self,
+        (width, height): (u32, u32),
+        take: &mut dyn FnMut(RgbImage) -> Result<()>,
+    ) -> Result<()> {
+        let mut film = opened(&self.path)?;
+        let stride = self.stride();
+        for _ in 0..self.first() {
+            film.skip();
+        }
+        while film.advance()? {
+            if film.frame_size() != self.size.filmed {
+                return Err(self.changed());
+            }
+            let mut frame = RgbImage::new(width, height);
+            film.picture(&mut frame)?;
+            take(frame)?;
+            for _ in 1..stride {
+                film.skip();
+            }
+        }
+        Ok(())
+    }
+
+    /// The reference picture as filmed.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn reference_picture(&self) -> Result<RgbImage> {
+        let mut film = opened(&self.path)?;
+        for _ in 0..self.reference {
+            film.skip();
+        }
+        let (width, height) = self.size.filmed;
+        let mut picture = RgbImage::new(width, height);
+        if film.read(&mut picture)? { Ok(picture) } else { Err(self.changed()) }
     }
 }
 
@@ -240,14 +297,17 @@ impl Capture {
         CaptureFile::open(name, source, reference, intrinsics)?.read()
     }
 
-    /// Lens from which motion estimation starts: the calibrated one, or one with the focal length that photographs
-    /// state, or that of a usual field of view.
-    pub fn start_lens(&self, (width, height): (u32, u32)) -> Intrinsics {
-        self.intrinsics.clone().unwrap_or_else(|| {
-            let assumed = Intrinsics::from_horizontal_fov(width, height, ASSUMED_FOV_DEG);
-            let focal = self.exif_focal_px.unwrap_or(assumed.fx);
-            Intrinsics { fx: focal, fy: focal, ..assumed }
-        })
+    /// Lenses from which motion estimation starts, the likeliest first: the calibrated one, or one with the focal length that
+    /// photographs state, or those of [`ASSUMED_FOV_DEG`].
+    pub fn start_lenses(&self, (width, height): (u32, u32)) -> Vec<Intrinsics> {
+        if let Some(given) = &self.intrinsics {
+            return vec![given.clone()];
+        }
+        let assumed = ASSUMED_FOV_DEG.map(|deg| Intrinsics::from_horizontal_fov(width, height, deg));
+        match self.exif_focal_px {
+            Some(focal) => vec![Intrinsics { fx: focal, fy: focal, ..assumed[0].clone() }],
+            None => assumed.to_vec(),
+        }
     }
 }
 
@@ -323,7 +383,7 @@ mod tests {
             [(ReferenceFrame::First, 1), (ReferenceFrame::Last, count), (ReferenceFrame::Number(102), 102)]
         {
             let file = CaptureFile::open("cam", folder.path(), reference.clone(), None).unwrap();
-            assert_eq!((file.count(), file.stride(), file.size()), (count, 3, (4, 3)));
+            assert_eq!((file.count(), file.stride(), file.size().filmed), (count, 3, (4, 3)));
             let capture = file.read().unwrap();
             assert!(capture.frames.len() <= MOST_FRAMES, "{}", capture.frames.len());
             assert_eq!(capture.sampled.number(capture.reference), number);
@@ -363,18 +423,18 @@ mod tests {
         };
         // A lens of 40 px across the diagonal.
         let told = load(&photograph(26, 1), None);
-        let lens = told.start_lens((32, 24));
+        let [lens] = &told.start_lenses((32, 24))[..] else { panic!("several lenses") };
         assert!((lens.fx - 26.0 / 43.2666 * 40.0).abs() < 1e-3 && lens.fx.to_bits() == lens.fy.to_bits());
         assert_eq!((lens.cx, lens.cy), (15.5, 11.5));
 
-        let assumed = Intrinsics::from_horizontal_fov(32, 24, ASSUMED_FOV_DEG);
+        let assumed = ASSUMED_FOV_DEG.map(|deg| Intrinsics::from_horizontal_fov(32, 24, deg)).to_vec();
         for nothing in [photograph(0, 1), photograph(9000, 1), photograph(26, 200)] {
             let capture = load(&nothing, None);
-            assert_eq!((capture.exif_focal_px, capture.start_lens((32, 24))), (None, assumed.clone()));
+            assert_eq!((capture.exif_focal_px, capture.start_lenses((32, 24))), (None, assumed.clone()));
         }
         let given = Intrinsics::from_horizontal_fov(32, 24, 40.0);
         let capture = load(&photograph(26, 1), Some(given.clone()));
-        assert_eq!((capture.exif_focal_px, capture.start_lens((32, 24))), (None, given));
+        assert_eq!((capture.exif_focal_px, capture.start_lenses((32, 24))), (None, vec![given]));
     }
 
     #[test]

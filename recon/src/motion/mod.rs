@@ -24,6 +24,7 @@ use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Point3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::bundle::LensFreedom;
@@ -144,6 +145,11 @@ impl Starts {
     pub fn factorization_won(&self) -> bool {
         self.factorization_px <= self.two_views_px
     }
+
+    /// Error of the better one.
+    fn least_px(&self) -> f64 {
+        self.factorization_px.min(self.two_views_px)
+    }
 }
 
 /// Estimates the motion of a capture.
@@ -155,26 +161,19 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     let Some(first) = capture.frames.first() else {
         return Err(Error::capture(&capture.name, "the capture holds no frames"));
     };
-    let intrinsics = capture.start_lens(first.dimensions());
-    let lens = if capture.intrinsics.is_some() { LensFreedom::Fixed } else { LensFreedom::Focal };
-    let (tracks, features) = features::track(&capture.frames, &intrinsics, &options.features)?;
+    let lenses = capture.start_lenses(first.dimensions());
+    let lens = if capture.intrinsics.is_some() { LensFreedom::Fixed } else { LensFreedom::Unknown };
+    let (tracks, features) = features::track(&capture.frames, &lenses[0], &options.features)?;
     diagnosis::features(&capture.name, &features, capture.frames.len())?;
 
     let seen = seen_by_frame(&tracks, capture.frames.len());
-    let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-    let blank = PartialReconstruction::new(&tracks, intrinsics, capture.frames.len());
-    let by_factorization = start_by_factorization(blank.clone(), &seen, lens);
-    let by_two_views = start_by_two_views(blank, &seen, lens, &mut rng);
-    let error = |partial: &Option<PartialReconstruction<'_>>| {
-        partial.as_ref().map_or(f64::INFINITY, PartialReconstruction::robust_error_px)
+    let from_lens = |intrinsics: &Intrinsics| {
+        let blank = PartialReconstruction::new(&tracks, intrinsics.clone(), capture.frames.len());
+        CompetingStarts::new(blank, &seen, lens, options.seed)
     };
-    let starts = Starts { factorization_px: error(&by_factorization), two_views_px: error(&by_two_views) };
-    let (winner, other) = if starts.factorization_won() {
-        (by_factorization, by_two_views)
-    } else {
-        (by_two_views, by_factorization)
-    };
-    let Some(mut partial) = winner else {
+    let started: Vec<CompetingStarts<'_>> = lenses.par_iter().with_max_len(1).map(from_lens).collect();
+    let best = started.into_iter().min_by(|a, b| a.errors.least_px().total_cmp(&b.errors.least_px()));
+    let Some((starts, Some(mut partial), other)) = best.map(CompetingStarts::ranked) else {
         return Err(diagnosis::no_start(&capture.name));
     };
     let ambiguity = ambiguity::doubt(&partial, other.as_ref());
@@ -184,6 +183,36 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     partial.polish(lens, options.polish_rounds, FINAL);
     let lens = lens::settle(&mut partial, capture.intrinsics.is_some(), options.refine_lens);
     finish(capture, options, &partial, Before { features, starts, ambiguity, explained, readout, lens })
+}
+
+/// Both starts from one lens.
+struct CompetingStarts<'a> {
+    errors: Starts,
+    by_factorization: Option<PartialReconstruction<'a>>,
+    by_two_views: Option<PartialReconstruction<'a>>,
+}
+
+impl<'a> CompetingStarts<'a> {
+    fn new(blank: PartialReconstruction<'a>, seen: &FrameObservations, lens: LensFreedom, seed: u64) -> Self {
+        let by_factorization = start_by_factorization(blank.clone(), seen, lens);
+        let by_two_views = start_by_two_views(blank, seen, lens, &mut Pcg64Mcg::seed_from_u64(seed));
+        let error = |partial: &Option<PartialReconstruction<'_>>| {
+            partial.as_ref().map_or(f64::INFINITY, PartialReconstruction::robust_error_px)
+        };
+        let errors =
+            Starts { factorization_px: error(&by_factorization), two_views_px: error(&by_two_views) };
+        Self { errors, by_factorization, by_two_views }
+    }
+
+    /// The better reconstruction, and the other.
+    fn ranked(self) -> (Starts, Option<PartialReconstruction<'a>>, Option<PartialReconstruction<'a>>) {
+        let Self { errors, by_factorization, by_two_views } = self;
+        if errors.factorization_won() {
+            (errors, by_factorization, by_two_views)
+        } else {
+            (errors, by_two_views, by_factorization)
+        }
+    }
 }
 
 /// Start by factorization: poses from factorized windows; the remaining frames are resected.
