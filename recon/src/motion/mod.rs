@@ -1,8 +1,9 @@
 //! Camera motion and sparse points from one capture.
 //!
-//! Tracks ([`crate::features`]) start two competing reconstructions: by factorization, without any guess, and by two
+//! Tracks ([`crate::features`]) start two competing reconstructions ([`starts`]): by factorization, without any guess, and by two
 //! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
-//! reprojection error is kept. It predicts the positions of lost features ([`revisit`]): links between frames that are
+//! reprojection error is kept. An unknown lens has starts from several fields of view, and its bends are free from the first
+//! adjustment on. The reconstruction predicts the positions of lost features ([`revisit`]): links between frames that are
 //! not neighbours, which limit the drift of long paths. Then the readout time of the frames is estimated ([`readout`]),
 //! the reconstruction is polished by renewed triangulation and adjustment, and its estimate of the lens is combined
 //! with prior knowledge ([`lens`]). A capture that determines no motion is refused with what to film instead.
@@ -16,29 +17,22 @@ mod partial_reconstruction;
 mod readout;
 mod resection;
 mod revisit;
+mod starts;
 pub(crate) mod triangulation;
 mod two_views;
 
 use calib::Intrinsics;
-use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Point3};
-use rand::SeedableRng;
-use rand_pcg::Pcg64Mcg;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::bundle::LensFreedom;
 use crate::capture::Capture;
-use crate::factorization::windows;
-use crate::features::{self, FeatureOptions, FeatureReport, FeatureTrack};
+use crate::features::{self, FeatureOptions, FeatureReport};
 use crate::{Error, Result};
-use incremental::FrameObservations;
 pub use lens::LensOrigin;
-use partial_reconstruction::{Adjustment, FINAL, PASSING, PartialReconstruction, passing};
-use triangulation::TriangulationLimits;
-
-/// Rounds of polish before the competing starts are compared.
-const START_ROUNDS: usize = 2;
+use partial_reconstruction::{FINAL, PartialReconstruction};
+use starts::Started;
+pub use starts::Starts;
 
 /// Options of motion estimation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -130,28 +124,6 @@ pub struct MotionReport {
     pub doubts: Vec<String>,
 }
 
-/// Robust reprojection error of each start after adjustment, pixels: outliers and unexplained observations count with a
-/// fixed distance. Infinite where a start failed. The smaller one was kept.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Starts {
-    /// Factorization of windows, chained.
-    pub factorization_px: f64,
-    /// Essential matrix of two views, then frame after frame.
-    pub two_views_px: f64,
-}
-
-impl Starts {
-    /// Tells whether factorization's reconstruction was kept; it is when both are equally good.
-    pub fn factorization_won(&self) -> bool {
-        self.factorization_px <= self.two_views_px
-    }
-
-    /// Error of the better one.
-    fn least_px(&self) -> f64 {
-        self.factorization_px.min(self.two_views_px)
-    }
-}
-
 /// Estimates the motion of a capture.
 ///
 /// # Errors
@@ -166,14 +138,9 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     let (tracks, features) = features::track(&capture.frames, &lenses[0], &options.features)?;
     diagnosis::features(&capture.name, &features, capture.frames.len())?;
 
-    let seen = seen_by_frame(&tracks, capture.frames.len());
-    let from_lens = |intrinsics: &Intrinsics| {
-        let blank = PartialReconstruction::new(&tracks, intrinsics.clone(), capture.frames.len());
-        CompetingStarts::new(blank, &seen, lens, options.seed)
-    };
-    let started: Vec<CompetingStarts<'_>> = lenses.par_iter().with_max_len(1).map(from_lens).collect();
-    let best = started.into_iter().min_by(|a, b| a.errors.least_px().total_cmp(&b.errors.least_px()));
-    let Some((starts, Some(mut partial), other)) = best.map(CompetingStarts::ranked) else {
+    let seen = starts::seen_by_frame(&tracks, capture.frames.len());
+    let started = starts::best(&tracks, &lenses, &seen, lens, options.seed);
+    let Some(Started { errors: starts, best: mut partial, other }) = started else {
         return Err(diagnosis::no_start(&capture.name));
     };
     let ambiguity = ambiguity::doubt(&partial, other.as_ref());
@@ -183,91 +150,6 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     partial.polish(lens, options.polish_rounds, FINAL);
     let lens = lens::settle(&mut partial, capture.intrinsics.is_some(), options.refine_lens);
     finish(capture, options, &partial, Before { features, starts, ambiguity, explained, readout, lens })
-}
-
-/// Both starts from one lens.
-struct CompetingStarts<'a> {
-    errors: Starts,
-    by_factorization: Option<PartialReconstruction<'a>>,
-    by_two_views: Option<PartialReconstruction<'a>>,
-}
-
-impl<'a> CompetingStarts<'a> {
-    fn new(blank: PartialReconstruction<'a>, seen: &FrameObservations, lens: LensFreedom, seed: u64) -> Self {
-        let by_factorization = start_by_factorization(blank.clone(), seen, lens);
-        let by_two_views = start_by_two_views(blank, seen, lens, &mut Pcg64Mcg::seed_from_u64(seed));
-        let error = |partial: &Option<PartialReconstruction<'_>>| {
-            partial.as_ref().map_or(f64::INFINITY, PartialReconstruction::robust_error_px)
-        };
-        let errors =
-            Starts { factorization_px: error(&by_factorization), two_views_px: error(&by_two_views) };
-        Self { errors, by_factorization, by_two_views }
-    }
-
-    /// The better reconstruction, and the other.
-    fn ranked(self) -> (Starts, Option<PartialReconstruction<'a>>, Option<PartialReconstruction<'a>>) {
-        let Self { errors, by_factorization, by_two_views } = self;
-        if errors.factorization_won() {
-            (errors, by_factorization, by_two_views)
-        } else {
-            (errors, by_two_views, by_factorization)
-        }
-    }
-}
-
-/// Start by factorization: poses from factorized windows; the remaining frames are resected.
-fn start_by_factorization<'a>(
-    mut partial: PartialReconstruction<'a>,
-    seen: &FrameObservations,
-    lens: LensFreedom,
-) -> Option<PartialReconstruction<'a>> {
-    partial.poses = windows::reconstruct(&partial.tracks, &partial.intrinsics, partial.poses.len())?;
-    // The chain of windows may be off by more than a track's noise, so bounds begin wide.
-    for (max_error_px, scale_px) in [(16.0, 4.0), (8.0, 2.0), (4.0, 1.0)] {
-        let accept = TriangulationLimits { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
-        partial.triangulate(&accept, false);
-        let how = Adjustment {
-            gate_px: 2.0 * max_error_px,
-            loss: Loss::Cauchy(scale_px),
-            lens,
-            solver: passing(15),
-        };
-        partial.adjust(&how)?;
-    }
-    incremental::grow(&mut partial, seen, lens);
-    partial.polish(lens, START_ROUNDS, PASSING);
-    Some(partial)
-}
-
-/// Start by two views: the best pair of frames, and growth from it.
-fn start_by_two_views<'a>(
-    mut partial: PartialReconstruction<'a>,
-    seen: &FrameObservations,
-    lens: LensFreedom,
-    rng: &mut Pcg64Mcg,
-) -> Option<PartialReconstruction<'a>> {
-    if !incremental::reconstruct(&mut partial, seen, lens, rng) {
-        return None;
-    }
-    partial.polish(lens, START_ROUNDS, PASSING);
-    // Frames that were refused during growth may fit the polished points.
-    let registered = partial.registered();
-    incremental::grow(&mut partial, seen, lens);
-    if partial.registered() > registered {
-        partial.polish(lens, START_ROUNDS, PASSING);
-    }
-    Some(partial)
-}
-
-/// Observations of each frame, in the order of tracks.
-fn seen_by_frame(tracks: &[FeatureTrack], frames: usize) -> FrameObservations {
-    let mut seen = vec![Vec::new(); frames];
-    for (index, track) in tracks.iter().enumerate() {
-        for (frame, pixel) in &track.observations {
-            seen[*frame].push((index, *pixel));
-        }
-    }
-    seen
 }
 
 /// Number of inlier points of each frame.
