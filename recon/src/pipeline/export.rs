@@ -80,6 +80,13 @@ impl PosedCapture {
         Self { lens: size.filmed_lens(&self.lens), observations: observations.collect(), ..self }
     }
 
+    /// Whether it is of a capture of so many frames, and whole.
+    fn is_of(&self, frames: usize) -> bool {
+        self.camera_from_world.len() == frames
+            && self.points.len() == self.observations.len()
+            && self.observations.iter().flatten().all(|(frame, _)| *frame < frames)
+    }
+
     /// Rolling-shutter model of the capture; `None` for a global shutter.
     fn shutter(&self) -> Option<RollingShutter> {
         (self.readout != 0.0)
@@ -172,7 +179,7 @@ pub fn export(
             );
             return Err(Error::content(room, "cache", problem));
         };
-        if posed.camera_from_world.len() != capture.frames.len() {
+        if !posed.is_of(capture.frames.len()) {
             return Err(Error::content(
                 room,
                 "cache",
