@@ -22,7 +22,11 @@ fn main() {
     let seeds = first..first + number("--seeds").unwrap_or(1);
     let without_lens = arguments.iter().any(|a| a == "--no-intrinsics");
     let bent = arguments.iter().position(|a| a == "--lens").and_then(|at| arguments.get(at + 1));
-    let bent = bent.map(|name| filmed_lens::distortion(name).expect("--lens: barrel or fisheye"));
+    let bent = bent.map(|name| (name, filmed_lens::distortion(name)));
+    if let Some((name, None)) = bent {
+        return println!("--lens {name}: it is pinhole, barrel or fisheye");
+    }
+    let bent = bent.and_then(|(_, distortion)| distortion);
     let refine_lens = arguments.iter().any(|a| a == "--refine");
     let asked: Vec<&String> = arguments.iter().filter(|a| a.contains('/')).collect();
     // "shipped" is the office as compact video, beside this crate.

@@ -5,7 +5,7 @@ use calib::{Distortion, Fisheye, Intrinsics};
 use image::RgbImage;
 use nalgebra::{Point2, Point3, Vector2};
 
-/// Distortion of the lenses by name: `barrel` (k1 = −0.35, k2 = 0.12) or `fisheye` (equidistant); `None` for another name.
+/// Distortion of a lens by name: `pinhole`, `barrel` (k1 = −0.35, k2 = 0.12) or `fisheye` (equidistant); `None` for another name.
 pub fn distortion(lens: &str) -> Option<Distortion> {
     match lens {
         "pinhole" => Some(Distortion::NONE),

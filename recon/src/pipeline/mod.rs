@@ -236,10 +236,8 @@ fn process<T>(
     let name = capture.name.clone();
     let keys = Keys::of(&capture, options);
     let size = file.size();
-    let reference = match size.is_same() {
-        true => capture.frames[capture.reference].clone(),
-        false => file.reference_picture()?,
-    };
+    let reference =
+        if size.is_same() { capture.frames[capture.reference].clone() } else { file.reference_picture()? };
     let before = cache.and_then(|cache| cache.surface(&name, &keys));
     let processed = if let Some(processed) = before {
         step(format!("{name}: camera motion kept from before"));
