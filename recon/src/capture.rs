@@ -8,6 +8,8 @@ use calib::video::FrameSource;
 use image::RgbImage;
 use serde::Serialize;
 
+use crate::memory::{self, MemoryBound};
+use crate::working_size::WorkingSize;
 use crate::{Error, Result};
 
 /// Least number of frames from which motion can be estimated.
@@ -17,8 +19,8 @@ const MIN_FRAMES: usize = 3;
 /// the view of the room changes little from one to the next.
 const MOST_FRAMES: usize = 120;
 
-/// Horizontal field of view assumed where the lens of a capture is unknown; adjustment estimates the true one.
-pub const ASSUMED_FOV_DEG: f64 = 60.0;
+/// Horizontal fields of view from which the estimation of an unknown lens starts, degrees: the likeliest first.
+pub const ASSUMED_FOV_DEG: [f64; 4] = [60.0, 42.0, 82.0, 106.0];
 
 /// Choice of the frame at the installed pose.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -63,7 +65,9 @@ fn names_an_image(text: &str) -> bool {
 pub struct CaptureFile {
     name: String,
     path: PathBuf,
-    size: (u32, u32),
+    size: WorkingSize,
+    /// Largest number of frames that are used.
+    most_frames: usize,
     /// Number of frames filmed.
     count: usize,
     /// Index of the frame at the installed pose.
@@ -128,7 +132,8 @@ impl CaptureFile {
             return Err(Error::content(path, "frame 1", problem));
         }
         let (name, path) = (name.to_owned(), path.to_owned());
-        Ok(Self { name, path, size, count, reference, intrinsics, exif_focal_px })
+        let size = WorkingSize::of(size);
+        Ok(Self { name, path, size, most_frames: MOST_FRAMES, count, reference, intrinsics, exif_focal_px })
     }
 
     /// Name of the camera.
@@ -136,9 +141,20 @@ impl CaptureFile {
         &self.name
     }
 
-    /// Width and height of the frames, pixels.
-    pub fn size(&self) -> (u32, u32) {
+    /// Width and height of the frames as filmed, and as they are worked on.
+    pub fn size(&self) -> WorkingSize {
         self.size
+    }
+
+    /// The same capture, of which no more frames are used than a bound on memory leaves.
+    #[must_use]
+    pub fn within(self, bound: MemoryBound) -> Self {
+        Self { most_frames: bound.frames(self.size, MOST_FRAMES), ..self }
+    }
+
+    /// Bytes that it takes while it is worked on.
+    pub fn memory(&self) -> u64 {
+        memory::need(self.size, self.count.div_ceil(self.stride()))
     }
 
     /// Number of frames filmed.
@@ -148,45 +164,86 @@ impl CaptureFile {
 
     /// Step between the frames that are used, counted from the reference frame: a film of half a minute is sampled.
     pub fn stride(&self) -> usize {
-        self.count.div_ceil(MOST_FRAMES)
+        self.count.div_ceil(self.most_frames)
     }
 
-    /// Reads the frames that are used.
+    /// Reads the frames that are used, at the size at which they are worked on.
     ///
     /// # Errors
     /// A frame that cannot be decoded, or a file that ends before its header says; each names the file.
     pub fn read(&self) -> Result<Capture> {
-        let mut film = opened(&self.path)?;
-        let stride = self.stride();
-        let first = self.reference % stride;
-        let mut frames = Vec::with_capacity(self.count / stride + 1);
-        for _ in 0..first {
-            film.skip();
-        }
-        let (width, height) = self.size;
-        loop {
-            let mut frame = RgbImage::new(width, height);
-            if !film.read(&mut frame)? {
-                break;
-            }
+        let mut frames = Vec::with_capacity(self.count / self.stride() + 1);
+        self.each_frame(self.size.worked, &mut |frame| {
             frames.push(frame);
-            for _ in 1..stride {
-                film.skip();
-            }
-        }
+            Ok(())
+        })?;
+        let (stride, first) = (self.stride(), self.first());
         let reference = (self.reference - first) / stride;
         if frames.len() <= reference {
-            let problem = format!("it has changed since it was looked through ({} frames then)", self.count);
-            return Err(Error::content(&self.path, "whole capture", problem));
+            return Err(self.changed());
         }
         Ok(Capture {
             name: self.name.clone(),
             frames,
             sampled: Sampled { first, stride },
             reference,
-            intrinsics: self.intrinsics.clone(),
-            exif_focal_px: self.exif_focal_px,
+            intrinsics: self.intrinsics.as_ref().map(|filmed| self.size.worked_lens(filmed)),
+            exif_focal_px: self.exif_focal_px.map(|filmed| filmed / self.size.enlargement()),
         })
+    }
+}
+
+impl CaptureFile {
+    /// Index in the film of the first frame that is used.
+    fn first(&self) -> usize {
+        self.reference % self.stride()
+    }
+
+    fn changed(&self) -> Error {
+        let problem = format!("it has changed since it was looked through ({} frames then)", self.count);
+        Error::content(&self.path, "whole capture", problem)
+    }
+
+    /// Calls `take` with each frame that is used, at a size that is at most the filmed one.
+    ///
+    /// # Errors
+    /// As [`Self::read`]; the errors of `take`.
+    pub fn each_frame(
+        &self,
+        (width, height): (u32, u32),
+        take: &mut dyn FnMut(RgbImage) -> Result<()>,
+    ) -> Result<()> {
+        let mut film = opened(&self.path)?;
+        let stride = self.stride();
+        for _ in 0..self.first() {
+            film.skip();
+        }
+        while film.advance()? {
+            if film.frame_size() != self.size.filmed {
+                return Err(self.changed());
+            }
+            let mut frame = RgbImage::new(width, height);
+            film.picture(&mut frame)?;
+            take(frame)?;
+            for _ in 1..stride {
+                film.skip();
+            }
+        }
+        Ok(())
+    }
+
+    /// The reference picture as filmed.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn reference_picture(&self) -> Result<RgbImage> {
+        let mut film = opened(&self.path)?;
+        for _ in 0..self.reference {
+            film.skip();
+        }
+        let (width, height) = self.size.filmed;
+        let mut picture = RgbImage::new(width, height);
+        if film.read(&mut picture)? { Ok(picture) } else { Err(self.changed()) }
     }
 }
 
@@ -240,14 +297,17 @@ impl Capture {
         CaptureFile::open(name, source, reference, intrinsics)?.read()
     }
 
-    /// Lens from which motion estimation starts: the calibrated one, or one with the focal length that photographs
-    /// state, or that of a usual field of view.
-    pub fn start_lens(&self, (width, height): (u32, u32)) -> Intrinsics {
-        self.intrinsics.clone().unwrap_or_else(|| {
-            let assumed = Intrinsics::from_horizontal_fov(width, height, ASSUMED_FOV_DEG);
-            let focal = self.exif_focal_px.unwrap_or(assumed.fx);
-            Intrinsics { fx: focal, fy: focal, ..assumed }
-        })
+    /// Lenses from which motion estimation starts, the likeliest first: the calibrated one, or one with the focal length that
+    /// photographs state, or those of [`ASSUMED_FOV_DEG`].
+    pub fn start_lenses(&self, (width, height): (u32, u32)) -> Vec<Intrinsics> {
+        if let Some(given) = &self.intrinsics {
+            return vec![given.clone()];
+        }
+        let assumed = ASSUMED_FOV_DEG.map(|deg| Intrinsics::from_horizontal_fov(width, height, deg));
+        match self.exif_focal_px {
+            Some(focal) => vec![Intrinsics { fx: focal, fy: focal, ..assumed[0].clone() }],
+            None => assumed.to_vec(),
+        }
     }
 }
 
@@ -269,121 +329,4 @@ fn exif_focal_px(camera: &str, film: &FrameSource) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_reference_may_be_named_by_its_file() {
-        let folder = tempfile::tempdir().unwrap();
-        for name in ["9.png", "10.png", "11.png"] {
-            RgbImage::new(8, 6).save(folder.path().join(name)).unwrap();
-        }
-        let load = |text: &str| Capture::load("cam", folder.path(), text.parse()?, None);
-        assert_eq!(["9.png", "10.png", "11.png"].map(|name| load(name).unwrap().reference), [0, 1, 2]);
-        let said = load("12.png").unwrap_err().to_string();
-        assert!(said.contains("no image of the capture is called `12.png`"), "{said}");
-        assert!(load("middle").unwrap_err().to_string().contains("file name"));
-    }
-
-    #[test]
-    fn frames_reference_and_size_are_checked() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path();
-        let load = |reference, intrinsics| Capture::load("cam", path, reference, intrinsics);
-        for index in 0..2 {
-            RgbImage::new(32, 24).save(path.join(format!("{index}.png"))).unwrap();
-        }
-        assert!(load(ReferenceFrame::Last, None).unwrap_err().to_string().contains("2 frames"));
-        for index in 2..5 {
-            RgbImage::new(32, 24).save(path.join(format!("{index}.png"))).unwrap();
-        }
-        for (reference, index) in
-            [(ReferenceFrame::First, 0), (ReferenceFrame::Last, 4), (ReferenceFrame::Number(3), 2)]
-        {
-            let capture = load(reference, None).unwrap();
-            assert_eq!((capture.reference, capture.frames.len()), (index, 5));
-        }
-        let beyond = load(ReferenceFrame::Number(6), None).unwrap_err().to_string();
-        assert!(beyond.contains("frame 6") && beyond.contains(path.to_str().unwrap()), "{beyond}");
-        let other = load(ReferenceFrame::Last, Some(Intrinsics::from_horizontal_fov(64, 48, 60.0)));
-        assert!(other.unwrap_err().to_string().contains("64 × 48"));
-        let missing = Capture::load("cam", &path.join("gone"), ReferenceFrame::Last, None).unwrap_err();
-        assert!(missing.to_string().contains("gone"));
-    }
-
-    #[test]
-    fn long_films_are_used_in_even_steps_that_meet_the_reference() {
-        let folder = tempfile::tempdir().unwrap();
-        let count = 2 * MOST_FRAMES + 7;
-        for index in 0..count {
-            let shade = image::Rgb([(index % 251) as u8, 0, 0]);
-            RgbImage::from_pixel(4, 3, shade).save(folder.path().join(format!("{index:04}.png"))).unwrap();
-        }
-        for (reference, number) in
-            [(ReferenceFrame::First, 1), (ReferenceFrame::Last, count), (ReferenceFrame::Number(102), 102)]
-        {
-            let file = CaptureFile::open("cam", folder.path(), reference.clone(), None).unwrap();
-            assert_eq!((file.count(), file.stride(), file.size()), (count, 3, (4, 3)));
-            let capture = file.read().unwrap();
-            assert!(capture.frames.len() <= MOST_FRAMES, "{}", capture.frames.len());
-            assert_eq!(capture.sampled.number(capture.reference), number);
-            for (index, frame) in capture.frames.iter().enumerate() {
-                let shade = ((capture.sampled.number(index) - 1) % 251) as u8;
-                assert_eq!(frame.get_pixel(0, 0).0, [shade, 0, 0], "frame {index} of {reference:?}");
-            }
-            let last = capture.sampled.number(capture.frames.len() - 1);
-            assert!(capture.sampled.first < 3 && last + 3 > count, "{:?}", capture.sampled);
-        }
-    }
-
-    /// A JPEG whose EXIF block, big-endian, has one entry: `FocalLengthIn35mmFilm` of this value.
-    fn photograph(film_mm: u16, entries: u8) -> Vec<u8> {
-        let mut jpeg = Vec::new();
-        let encoder = image::codecs::jpeg::JpegEncoder::new(&mut jpeg);
-        RgbImage::new(32, 24).write_with_encoder(encoder).unwrap();
-        let mut block = b"Exif\0\0MM\0\x2a\0\0\0\x08\0".to_vec();
-        // The first directory points to EXIF's own, which has the tag.
-        block.extend([1, 0x87, 0x69, 0, 4, 0, 0, 0, 1, 0, 0, 0, 26, 0, 0, 0, 0, 0, entries]);
-        block.extend([0xa4, 0x05, 0, 3, 0, 0, 0, 1]);
-        block.extend(film_mm.to_be_bytes());
-        block.extend([0; 6]);
-        let length = (block.len() as u16 + 2).to_be_bytes();
-        [&jpeg[..2], &[0xff, 0xe1], &length, &block, &jpeg[2..]].concat()
-    }
-
-    #[test]
-    fn motion_starts_with_what_is_known_of_the_lens() {
-        let folder = tempfile::tempdir().unwrap();
-        let load = |first: &[u8], intrinsics| {
-            for index in 0..3 {
-                RgbImage::new(32, 24).save(folder.path().join(format!("{index}.jpg"))).unwrap();
-            }
-            std::fs::write(folder.path().join("0.jpg"), first).unwrap();
-            Capture::load("cam", folder.path(), ReferenceFrame::Last, intrinsics).unwrap()
-        };
-        // A lens of 40 px across the diagonal.
-        let told = load(&photograph(26, 1), None);
-        let lens = told.start_lens((32, 24));
-        assert!((lens.fx - 26.0 / 43.2666 * 40.0).abs() < 1e-3 && lens.fx.to_bits() == lens.fy.to_bits());
-        assert_eq!((lens.cx, lens.cy), (15.5, 11.5));
-
-        let assumed = Intrinsics::from_horizontal_fov(32, 24, ASSUMED_FOV_DEG);
-        for nothing in [photograph(0, 1), photograph(9000, 1), photograph(26, 200)] {
-            let capture = load(&nothing, None);
-            assert_eq!((capture.exif_focal_px, capture.start_lens((32, 24))), (None, assumed.clone()));
-        }
-        let given = Intrinsics::from_horizontal_fov(32, 24, 40.0);
-        let capture = load(&photograph(26, 1), Some(given.clone()));
-        assert_eq!((capture.exif_focal_px, capture.start_lens((32, 24))), (None, given));
-    }
-
-    #[test]
-    fn reference_words() {
-        assert_eq!("first".parse::<ReferenceFrame>().unwrap(), ReferenceFrame::First);
-        assert_eq!("last".parse::<ReferenceFrame>().unwrap(), ReferenceFrame::Last);
-        assert_eq!("12".parse::<ReferenceFrame>().unwrap(), ReferenceFrame::Number(12));
-        for bad in ["0", "-1", "middle", "", "1.5"] {
-            assert!(bad.parse::<ReferenceFrame>().is_err(), "{bad}");
-        }
-    }
-}
+mod tests;

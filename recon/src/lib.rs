@@ -22,6 +22,7 @@
 //! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
 //! * [`picks_page`] — the same in the browser, with the scale, the build and its verdict.
 //! * [`relocation`] — `recon relocate`: where a camera of a finished room stands now, from one picture.
+//! * [`working_size`], [`memory`] — large pictures are worked on at a smaller size; the memory that captures take.
 //! * [`error`] — the error type: each line names file, place and what to do.
 //! * [`cli`] — the command line: one file a subcommand.
 #![forbid(unsafe_code)]
@@ -36,6 +37,7 @@ mod factorization;
 pub mod features;
 pub mod floor;
 pub mod fusion;
+pub mod memory;
 pub mod merge;
 pub mod motion;
 pub mod picks_page;
@@ -51,5 +53,6 @@ pub mod scale;
 pub mod schur;
 pub mod surface;
 pub mod verdict;
+pub mod working_size;
 
 pub use error::{Error, Result};

@@ -11,6 +11,7 @@ pub const SHORT_COMMANDS: &[&str] = &[
     "recon build",
     "recon picks",
     "recon relocate",
+    "recon export",
     "scenes check",
     "scenes depth",
     "scenes plan",

@@ -4,6 +4,7 @@
 //! * [`chain`] — the programs, run as a person runs them, with measurements.
 //! * [`crossing_boxes`] — boxes of people who pass each other in one picture, for linking.
 //! * [`events`] — events against those of true paths, at regions and lines in any room.
+//! * [`filmed_lens`] — captures as another lens would have filmed them.
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
 //! * [`mask_recording`] — exact masks of synthetic people in the files that `tracker run` reads.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
@@ -23,6 +24,7 @@ pub mod chain;
 pub mod crossing_boxes;
 pub mod data;
 pub mod events;
+pub mod filmed_lens;
 pub mod hall;
 pub mod live;
 pub mod mask_recording;

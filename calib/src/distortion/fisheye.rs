@@ -52,6 +52,11 @@ impl Fisheye {
         self.numbers
     }
 
+    /// Tells whether the picture stops growing before rays end.
+    pub(super) fn folds(&self) -> bool {
+        self.widest < WIDEST_DEG.to_radians()
+    }
+
     /// `θ_d` of an angle θ, and its derivative.
     fn bent(&self, theta: f64) -> (f64, f64) {
         let [k1, k2, k3, k4] = self.numbers;

@@ -132,6 +132,17 @@ impl Distortion {
         of_model!(self, model => model.max_radius())
     }
 
+    /// Normalised radius at which the model folds back on itself; `None` for a lens that does not. A fisheye ends without a
+    /// fold where rays are no longer computed.
+    pub fn fold_radius(&self) -> Option<f64> {
+        let radius = self.max_radius();
+        let is_fold = match self {
+            Self::Fisheye(model) => model.folds(),
+            _ => radius.is_finite(),
+        };
+        is_fold.then_some(radius)
+    }
+
     /// The two coefficients of lowest order, which bend a lens most: `k1` and `k2` of every model.
     pub fn leading(&self) -> [f64; 2] {
         of_model!(self, model => [model.coefficients()[0], model.coefficients()[1]])

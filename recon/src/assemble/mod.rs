@@ -44,6 +44,8 @@ pub struct AssembleReport {
     pub floor: FloorReport,
     /// Metres in a unit of the first camera's reconstruction.
     pub metres_per_unit: f64,
+    /// The room from each camera's frame, whose unit is its capture's.
+    pub world_from_camera: Vec<Similarity3<f64>>,
     /// Report of the fusion to discs.
     pub fusion: FusionReport,
     /// Evidence for and against the room.
@@ -131,6 +133,7 @@ pub fn assemble(
         merge: merge_report,
         floor: floor_report,
         metres_per_unit,
+        world_from_camera,
         fusion: fusion_report,
         evidence,
     };

@@ -80,6 +80,11 @@ pub(super) fn equations(problem: &BundleProblem, state: &BundleState) -> SchurEq
         of_lens += chunk.lens_right.rows(0, free);
         points.extend(chunk.points);
     }
+    let ([k1, k2], prior) = (state.intrinsics.distortion.leading(), problem.options.lens.prior());
+    for (k, (weight, off)) in prior.into_iter().zip([0.0, k1, k2]).enumerate().take(free) {
+        u[(border + k, border + k)] += weight;
+        right[border + k] -= weight * off;
+    }
     SchurEquations::new(poses, u, right, points)
 }
 

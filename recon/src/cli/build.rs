@@ -9,6 +9,7 @@ use shell::files::Outputs;
 use shell::ranges::THREADS;
 
 use crate::dense::DenseOptions;
+use crate::memory::MemoryBound;
 use crate::pipeline::{self, BuildOptions, BuildReport};
 use crate::project::Project;
 use crate::verdict::{Light, Verdict};
@@ -50,6 +51,10 @@ pub(crate) struct Build {
     /// Take focal length and radial distortion from both where a capture clearly contradicts its intrinsics file.
     #[arg(long)]
     refine_intrinsics: bool,
+    /// Memory that the captures' pictures may take, as in 6G or 800M; a quarter of the machine's by default. Within it as many
+    /// captures as fit are worked on at a time; of one that does not fit alone fewer frames are used.
+    #[arg(long, value_name = "AMOUNT")]
+    memory: Option<MemoryBound>,
     /// Seed of everything random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -117,6 +122,7 @@ impl Build {
         };
         options.zones.clone_from(&self.zones);
         options.seed = self.seed;
+        options.memory = self.memory.unwrap_or_default();
         options.motion.refine_lens |= self.refine_intrinsics;
         options.small_pictures = self.quality == Quality::Draft;
         let mut stages: Option<ProgressStages> = None;

@@ -3,6 +3,7 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 mod build;
+mod export;
 mod picks;
 mod picks_page;
 mod relocate;
@@ -28,6 +29,7 @@ enum Command {
     Build(build::Build),
     Picks(picks::Picks),
     Relocate(relocate::Relocate),
+    Export(export::Export),
 }
 
 /// Exit status of a build whose verdict is red.
@@ -53,6 +55,7 @@ impl Command {
             Self::Build(command) => command.run(console),
             Self::Picks(command) => command.run(console),
             Self::Relocate(command) => command.run(console),
+            Self::Export(command) => command.run(console),
         }
     }
 }

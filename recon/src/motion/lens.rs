@@ -70,7 +70,8 @@ pub(super) fn settle(partial: &mut PartialReconstruction<'_>, given: bool, refin
             _ => return unchanged,
         }
     }
-    let before = partial.intrinsics.clone();
+    // Prior knowledge of an unknown lens is that it does not bend.
+    let before = if given { partial.intrinsics.clone() } else { partial.intrinsics.without_distortion() };
     let mut adjusted = partial.clone();
     adjusted.polish(LensFreedom::FocalRadial, ROUNDS, FINAL);
     let Some(LensEvidence { covariance, .. }) = adjusted.lens_evidence(LensFreedom::FocalRadial) else {

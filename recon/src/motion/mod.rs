@@ -1,8 +1,9 @@
 //! Camera motion and sparse points from one capture.
 //!
-//! Tracks ([`crate::features`]) start two competing reconstructions: by factorization, without any guess, and by two
+//! Tracks ([`crate::features`]) start two competing reconstructions ([`starts`]): by factorization, without any guess, and by two
 //! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
-//! reprojection error is kept. It predicts the positions of lost features ([`revisit`]): links between frames that are
+//! reprojection error is kept. An unknown lens has starts from several fields of view, and its bends are free from the first
+//! adjustment on. The reconstruction predicts the positions of lost features ([`revisit`]): links between frames that are
 //! not neighbours, which limit the drift of long paths. Then the readout time of the frames is estimated ([`readout`]),
 //! the reconstruction is polished by renewed triangulation and adjustment, and its estimate of the lens is combined
 //! with prior knowledge ([`lens`]). A capture that determines no motion is refused with what to film instead.
@@ -16,28 +17,22 @@ mod partial_reconstruction;
 mod readout;
 mod resection;
 mod revisit;
+mod starts;
 pub(crate) mod triangulation;
 mod two_views;
 
 use calib::Intrinsics;
-use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Point3};
-use rand::SeedableRng;
-use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 
 use crate::bundle::LensFreedom;
 use crate::capture::Capture;
-use crate::factorization::windows;
-use crate::features::{self, FeatureOptions, FeatureReport, FeatureTrack};
+use crate::features::{self, FeatureOptions, FeatureReport};
 use crate::{Error, Result};
-use incremental::FrameObservations;
 pub use lens::LensOrigin;
-use partial_reconstruction::{Adjustment, FINAL, PASSING, PartialReconstruction, passing};
-use triangulation::TriangulationLimits;
-
-/// Rounds of polish before the competing starts are compared.
-const START_ROUNDS: usize = 2;
+use partial_reconstruction::{FINAL, PartialReconstruction};
+use starts::Started;
+pub use starts::Starts;
 
 /// Options of motion estimation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -129,23 +124,6 @@ pub struct MotionReport {
     pub doubts: Vec<String>,
 }
 
-/// Robust reprojection error of each start after adjustment, pixels: outliers and unexplained observations count with a
-/// fixed distance. Infinite where a start failed. The smaller one was kept.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Starts {
-    /// Factorization of windows, chained.
-    pub factorization_px: f64,
-    /// Essential matrix of two views, then frame after frame.
-    pub two_views_px: f64,
-}
-
-impl Starts {
-    /// Tells whether factorization's reconstruction was kept; it is when both are equally good.
-    pub fn factorization_won(&self) -> bool {
-        self.factorization_px <= self.two_views_px
-    }
-}
-
 /// Estimates the motion of a capture.
 ///
 /// # Errors
@@ -155,26 +133,14 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     let Some(first) = capture.frames.first() else {
         return Err(Error::capture(&capture.name, "the capture holds no frames"));
     };
-    let intrinsics = capture.start_lens(first.dimensions());
-    let lens = if capture.intrinsics.is_some() { LensFreedom::Fixed } else { LensFreedom::Focal };
-    let (tracks, features) = features::track(&capture.frames, &intrinsics, &options.features)?;
+    let lenses = capture.start_lenses(first.dimensions());
+    let lens = if capture.intrinsics.is_some() { LensFreedom::Fixed } else { LensFreedom::Unknown };
+    let (tracks, features) = features::track(&capture.frames, &lenses[0], &options.features)?;
     diagnosis::features(&capture.name, &features, capture.frames.len())?;
 
-    let seen = seen_by_frame(&tracks, capture.frames.len());
-    let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-    let blank = PartialReconstruction::new(&tracks, intrinsics, capture.frames.len());
-    let by_factorization = start_by_factorization(blank.clone(), &seen, lens);
-    let by_two_views = start_by_two_views(blank, &seen, lens, &mut rng);
-    let error = |partial: &Option<PartialReconstruction<'_>>| {
-        partial.as_ref().map_or(f64::INFINITY, PartialReconstruction::robust_error_px)
-    };
-    let starts = Starts { factorization_px: error(&by_factorization), two_views_px: error(&by_two_views) };
-    let (winner, other) = if starts.factorization_won() {
-        (by_factorization, by_two_views)
-    } else {
-        (by_two_views, by_factorization)
-    };
-    let Some(mut partial) = winner else {
+    let seen = starts::seen_by_frame(&tracks, capture.frames.len());
+    let started = starts::best(&tracks, &lenses, &seen, lens, options.seed);
+    let Some(Started { errors: starts, best: mut partial, other }) = started else {
         return Err(diagnosis::no_start(&capture.name));
     };
     let ambiguity = ambiguity::doubt(&partial, other.as_ref());
@@ -184,61 +150,6 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     partial.polish(lens, options.polish_rounds, FINAL);
     let lens = lens::settle(&mut partial, capture.intrinsics.is_some(), options.refine_lens);
     finish(capture, options, &partial, Before { features, starts, ambiguity, explained, readout, lens })
-}
-
-/// Start by factorization: poses from factorized windows; the remaining frames are resected.
-fn start_by_factorization<'a>(
-    mut partial: PartialReconstruction<'a>,
-    seen: &FrameObservations,
-    lens: LensFreedom,
-) -> Option<PartialReconstruction<'a>> {
-    partial.poses = windows::reconstruct(&partial.tracks, &partial.intrinsics, partial.poses.len())?;
-    // The chain of windows may be off by more than a track's noise, so bounds begin wide.
-    for (max_error_px, scale_px) in [(16.0, 4.0), (8.0, 2.0), (4.0, 1.0)] {
-        let accept = TriangulationLimits { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
-        partial.triangulate(&accept, false);
-        let how = Adjustment {
-            gate_px: 2.0 * max_error_px,
-            loss: Loss::Cauchy(scale_px),
-            lens,
-            solver: passing(15),
-        };
-        partial.adjust(&how)?;
-    }
-    incremental::grow(&mut partial, seen, lens);
-    partial.polish(lens, START_ROUNDS, PASSING);
-    Some(partial)
-}
-
-/// Start by two views: the best pair of frames, and growth from it.
-fn start_by_two_views<'a>(
-    mut partial: PartialReconstruction<'a>,
-    seen: &FrameObservations,
-    lens: LensFreedom,
-    rng: &mut Pcg64Mcg,
-) -> Option<PartialReconstruction<'a>> {
-    if !incremental::reconstruct(&mut partial, seen, lens, rng) {
-        return None;
-    }
-    partial.polish(lens, START_ROUNDS, PASSING);
-    // Frames that were refused during growth may fit the polished points.
-    let registered = partial.registered();
-    incremental::grow(&mut partial, seen, lens);
-    if partial.registered() > registered {
-        partial.polish(lens, START_ROUNDS, PASSING);
-    }
-    Some(partial)
-}
-
-/// Observations of each frame, in the order of tracks.
-fn seen_by_frame(tracks: &[FeatureTrack], frames: usize) -> FrameObservations {
-    let mut seen = vec![Vec::new(); frames];
-    for (index, track) in tracks.iter().enumerate() {
-        for (frame, pixel) in &track.observations {
-            seen[*frame].push((index, *pixel));
-        }
-    }
-    seen
 }
 
 /// Number of inlier points of each frame.

@@ -80,8 +80,7 @@ pub(super) struct ReferencePicture {
 impl ReferencePicture {
     pub(super) fn read(camera: &ProjectCamera) -> Result<Self> {
         let ProjectCamera { name, capture, reference, intrinsics } = camera.clone();
-        let mut capture = CaptureFile::open(&name, &capture, reference, intrinsics)?.read()?;
-        let picture = capture.frames.swap_remove(capture.reference);
+        let picture = CaptureFile::open(&name, &capture, reference, intrinsics)?.reference_picture()?;
         Ok(Self { size: picture.dimensions(), png: png(&picture)? })
     }
 }

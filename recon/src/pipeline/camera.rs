@@ -18,17 +18,20 @@ use crate::planes::{self, Completed, PlaneOptions};
 use crate::ray_depth::{self, Asked, MeasuredPixel, PosedFilm};
 use crate::rolling_shutter::RollingShutter;
 use crate::surface::Surface;
+use crate::working_size::WorkingSize;
 use crate::{Error, Result};
 
 /// A camera with known motion.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct CameraMotion {
-    /// Intrinsics as filmed.
+    /// Intrinsics as filmed, at the working size.
     pub(super) lens: Intrinsics,
     /// Pose of each frame; world = the reference frame's camera.
     pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
     /// Sparse points.
     pub(super) points: Vec<Point3<f64>>,
+    /// Frame and rectified pixel of each point's observations.
+    pub(super) observations: Vec<Vec<(usize, Point2<f64>)>>,
     /// Report so far.
     pub(super) report: CameraReport,
     pub(super) seconds: CameraSeconds,
@@ -53,6 +56,7 @@ pub(super) struct ProcessedCapture {
 /// A camera's reference image and the results of its capture.
 pub(super) struct CameraResult {
     pub(super) name: String,
+    pub(super) size: WorkingSize,
     /// The reference image as filmed.
     pub(super) reference: RgbImage,
     pub(super) processed: ProcessedCapture,
@@ -76,10 +80,12 @@ pub(super) fn estimate_motion(
         );
     }
     let report = CameraReport::of_motion(capture, &motion.intrinsics, &told);
+    let (points, observations) = motion.points.into_iter().map(|p| (p.position, p.observations)).unzip();
     Ok(CameraMotion {
         lens: motion.intrinsics,
         camera_from_world: motion.camera_from_world,
-        points: motion.points.iter().map(|p| p.position).collect(),
+        points,
+        observations,
         report,
         seconds: CameraSeconds { motion: start.elapsed().as_secs_f64(), dense: 0.0 },
     })
@@ -96,7 +102,7 @@ pub(super) fn reconstruct(
     let name = &capture.name;
     step(format!("{name}: depth"));
     let start = Instant::now();
-    let CameraMotion { lens, camera_from_world, points, report, seconds } = motion;
+    let CameraMotion { lens, camera_from_world, points, report, seconds, .. } = motion;
     let posed = PosedCapture {
         name,
         frames: &capture.frames,

@@ -6,6 +6,7 @@
 
 mod cache;
 mod camera;
+mod export;
 mod lock;
 mod options;
 mod output;
@@ -29,14 +30,17 @@ use scenes::room::{Markings, Room};
 
 use crate::assemble::{self, Captures};
 use crate::capture::{Capture, CaptureFile};
+use crate::memory::MemoryBound;
 use crate::plumb;
 use crate::project::{Project, ProjectCamera};
 use crate::scale;
 use crate::surface::Surface;
 use crate::verdict::Light;
+use crate::working_size::WorkingSize;
 use crate::{Error, Result};
 use cache::{Keys, StageCache};
 use camera::{CameraResult, ProcessedCapture};
+pub use export::{ExportReport, export};
 pub use lock::lock_room;
 pub use options::BuildOptions;
 pub use reference_view::{ReferenceView, reference_views};
@@ -79,9 +83,12 @@ pub fn build(
         number += 1;
     };
 
-    let files = files_of(&project.cameras)?;
-    let sizes: Vec<(u32, u32)> = files.iter().map(CaptureFile::size).collect();
-    project.check_pixels(&sizes)?;
+    let files = files_of(&project.cameras, options.memory)?;
+    let sizes: Vec<WorkingSize> = files.iter().map(CaptureFile::size).collect();
+    project.check_pixels(&sizes.iter().map(|size| size.filmed).collect::<Vec<_>>())?;
+    for (index, size) in sizes.iter().enumerate() {
+        project.move_pixels(index, &|pixel| size.worked_pixel(pixel));
+    }
 
     let cache = StageCache::beside(out);
     let mut report = BuildReport { options: options.clone(), ..BuildReport::default() };
@@ -133,6 +140,9 @@ pub fn build(
     };
     let (mut room, assembled) = assemble::assemble(&project, &captures, &options.assemble)?;
     report.assembled(&project, &figures, &assembled, start.elapsed());
+    for (entry, size) in room.cameras.iter_mut().zip(&sizes) {
+        entry.camera.intrinsics = size.filmed_lens(&entry.camera.intrinsics);
+    }
     take_over_markings(&mut room, before, markings);
 
     step("writing the room and its previews".into());
@@ -144,8 +154,11 @@ pub fn build(
     report.room = if is_red { output::aside(out) } else { out.to_owned() };
     output::write(&report.room.clone(), &mut room, &references, &mut |dir, room| {
         preview::write(dir, room, &references, options.small_pictures, &report.verdict)?;
-        for (camera, keys) in cameras.iter().filter(|_| !is_red) {
+        for ((camera, keys), room_from_camera) in
+            cameras.iter().zip(&assembled.world_from_camera).filter(|_| !is_red)
+        {
             cache.hand_over(dir, &camera.name, keys);
+            cache.keep_posed(dir, &camera.name, keys, room_from_camera);
         }
         report.seconds.writing = start.elapsed().as_secs_f64();
         report.write(dir)
@@ -158,18 +171,18 @@ pub fn build(
 }
 
 /// Captures of a project's cameras, all checked before the first is processed.
-fn files_of(cameras: &[ProjectCamera]) -> Result<Vec<CaptureFile>> {
+fn files_of(cameras: &[ProjectCamera], memory: MemoryBound) -> Result<Vec<CaptureFile>> {
     let open = |camera: &ProjectCamera| {
         CaptureFile::open(&camera.name, &camera.capture, camera.reference.clone(), camera.intrinsics.clone())
     };
     let opened: Vec<Result<CaptureFile>> = cameras.par_iter().map(open).collect();
     // The first error in file order is reported, not the first one found.
-    opened.into_iter().collect()
+    opened.into_iter().map(|file| Ok(file?.within(memory))).collect()
 }
 
 /// Processes each capture to motion, depth and a surface, or takes them from the cache; returns them with their cache
-/// keys. Captures are processed in parallel, and their frames are freed one after the other: before that, `each` is
-/// called with the rectified capture.
+/// keys. As many captures as the bound on memory leaves are processed in parallel, and their frames are freed one after the
+/// other: before that, `each` is called with the rectified capture.
 ///
 /// # Errors
 /// The error of the first capture that fails; results of others are cached.
@@ -200,7 +213,13 @@ fn process_all<T: Send>(
         }
         Some(done)
     };
-    let done: Vec<_> = files.par_iter().enumerate().with_max_len(1).map(work).collect();
+    let needs: Vec<u64> = files.iter().map(CaptureFile::memory).collect();
+    let mut done = Vec::with_capacity(files.len());
+    while done.len() < files.len() {
+        let (from, at_a_time) = (done.len(), options.memory.at_a_time(&needs[done.len()..]));
+        let next = files.par_iter().enumerate().skip(from).take(at_a_time);
+        done.extend(next.with_max_len(1).map(work).collect::<Vec<_>>());
+    }
     done.into_iter().flatten().collect()
 }
 
@@ -216,7 +235,9 @@ fn process<T>(
     let mut capture = file.read()?;
     let name = capture.name.clone();
     let keys = Keys::of(&capture, options);
-    let reference = capture.frames[capture.reference].clone();
+    let size = file.size();
+    let reference =
+        if size.is_same() { capture.frames[capture.reference].clone() } else { file.reference_picture()? };
     let before = cache.and_then(|cache| cache.surface(&name, &keys));
     let processed = if let Some(processed) = before {
         step(format!("{name}: camera motion kept from before"));
@@ -228,7 +249,8 @@ fn process<T>(
             step(format!("{name}: camera motion kept from before"));
             motion
         } else {
-            let motion = camera::estimate_motion(&capture, options, step)?;
+            let mut motion = camera::estimate_motion(&capture, options, step)?;
+            motion.report = motion.report.in_filmed_pixels(size.enlargement());
             if let Some(cache) = cache {
                 cache.store_motion(&name, &keys, &motion);
             }
@@ -245,16 +267,20 @@ fn process<T>(
         tracing::warn!("camera `{name}`: {doubt}");
     }
     let told = each(&capture, &processed);
-    Ok((CameraResult { name, reference, processed }, keys, told))
+    Ok((CameraResult { name, size, reference, processed }, keys, told))
 }
 
 /// Progress text of reading a capture.
 fn reading(file: &CaptureFile) -> String {
     let name = file.name();
-    match file.stride() {
-        1 => format!("{name}: reading the capture"),
-        stride => format!("{name}: reading the capture, one in {stride} of its {} frames", file.count()),
-    }
+    let of = match file.stride() {
+        1 => String::new(),
+        stride => format!(", one in {stride} of its {} frames", file.count()),
+    };
+    let size = file.size();
+    let at =
+        if size.is_same() { String::new() } else { format!(", at {} × {}", size.worked.0, size.worked.1) };
+    format!("{name}: reading the capture{of}{at}")
 }
 
 /// Takes zones, regions, lines, walkable regions and the place on Earth over into a rebuilt room: its coordinates stay the same. Those of a

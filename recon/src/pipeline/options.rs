@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::assemble::AssembleOptions;
 use crate::dense::DenseOptions;
+use crate::memory::MemoryBound;
 use crate::motion::MotionOptions;
 use crate::planes::PlaneOptions;
 use crate::{Error, Result};
@@ -29,6 +30,10 @@ pub struct BuildOptions {
     pub planes: PlaneOptions,
     /// Options of joining cameras, floor, discs.
     pub assemble: AssembleOptions,
+    /// Bound on the memory that the captures' pictures take. It decides how many captures are worked on at a time, and, where
+    /// one alone does not fit, how many of its frames are used.
+    #[serde(skip)]
+    pub memory: MemoryBound,
     /// Whether plan and previews are drawn at half their usual size, in a quarter of the time.
     #[serde(skip_deserializing)]
     pub small_pictures: bool,

@@ -154,7 +154,7 @@ fn is_mount_point(dir: &Path) -> bool {
     dir.parent().is_none()
 }
 
-fn write_jpeg(path: &Path, image: &RgbImage) -> Result<()> {
+pub(super) fn write_jpeg(path: &Path, image: &RgbImage) -> Result<()> {
     let mut bytes = Vec::new();
     image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
         .encode_image(image)

@@ -13,6 +13,7 @@ use crate::merge::pinhole_pixel;
 use crate::project::ProjectCamera;
 use crate::rolling_shutter::RollingShutter;
 use crate::surface::Surface;
+use crate::working_size::WorkingSize;
 
 /// A camera's reference image and its surface.
 #[derive(Debug, Clone)]
@@ -24,6 +25,7 @@ pub struct ReferenceView {
     /// Surface of the view, in the capture's own unit.
     pub surface: Surface,
     lens: Intrinsics,
+    size: WorkingSize,
     /// Rolling-shutter model, and the index of the reference frame.
     shutter: Option<(RollingShutter, usize)>,
 }
@@ -33,7 +35,8 @@ impl ReferenceView {
     #[cfg(test)]
     pub(crate) fn of_surface(name: &str, surface: Surface) -> Self {
         let (picture, lens) = (surface.picture.clone(), surface.intrinsics.clone());
-        Self { name: name.into(), picture, surface, lens, shutter: None }
+        let size = WorkingSize::of((lens.width, lens.height));
+        Self { name: name.into(), picture, surface, lens, size, shutter: None }
     }
 
     /// Filmed position of a pixel of the surface's pinhole picture; `None` outside the image.
@@ -44,14 +47,15 @@ impl ReferenceView {
             Some((shutter, frame)) => shutter.filmed(&self.lens, *frame, &at_once)?,
             None => at_once,
         };
-        self.lens.contains(&filmed).then_some(filmed)
+        self.lens.contains(&filmed).then(|| self.size.filmed_pixel(&filmed))
     }
 
     /// Position of a filmed pixel in the surface's pinhole picture.
     pub fn pinhole(&self, filmed: &Point2<f64>) -> Option<Point2<f64>> {
+        let filmed = self.size.worked_pixel(filmed);
         let at_once = match &self.shutter {
-            Some((shutter, frame)) => shutter.rectified(&self.lens, *frame, filmed)?,
-            None => *filmed,
+            Some((shutter, frame)) => shutter.rectified(&self.lens, *frame, &filmed)?,
+            None => filmed,
         };
         pinhole_pixel(&self.lens, &at_once)
     }
@@ -75,7 +79,7 @@ pub fn reference_views(
         progress(&BuildStep { number, of, what });
         number += 1;
     };
-    let files = files_of(cameras)?;
+    let files = files_of(cameras, options.memory)?;
     let cache = room.map(StageCache::beside);
     let done = process_all(&files, cache.as_ref(), options, &mut step, &|_, capture, _| capture.reference)?;
     let view = |(camera, _, reference): (super::CameraResult, Keys, usize)| ReferenceView {
@@ -84,6 +88,7 @@ pub fn reference_views(
         picture: camera.reference,
         surface: camera.processed.surface,
         lens: camera.processed.lens,
+        size: camera.size,
     };
     Ok(done.into_iter().map(view).collect())
 }

@@ -145,7 +145,7 @@ impl CameraReport {
             name: self.name.clone(),
             width: lens.width,
             parallax_deg: self.parallax_deg,
-            focal_sigma: self.focal_sigma_px.map(|sigma| sigma / lens.fx),
+            focal_sigma: self.focal_sigma_px.zip(self.estimated_focal_px).map(|(sigma, focal)| sigma / focal),
             doubts: self.doubts.clone(),
         }
     }
@@ -178,6 +178,16 @@ impl CameraReport {
         }
     }
 
+    /// The report with its focal length in pixels as filmed, not those of the working size.
+    pub(super) fn in_filmed_pixels(self, enlargement: f64) -> Self {
+        let enlarged = |px: Option<f64>| px.map(|px| enlargement * px);
+        Self {
+            estimated_focal_px: enlarged(self.estimated_focal_px),
+            focal_sigma_px: enlarged(self.focal_sigma_px),
+            ..self
+        }
+    }
+
     /// Adds the results of stereo to the report.
     pub(super) fn with_depth(self, sampled: Sampled, dense: &DenseReport, surface: &Surface) -> Self {
         let share = |origin: DepthOrigin| {
@@ -196,7 +206,11 @@ impl CameraReport {
 /// Start of the focal length's estimation, in words.
 fn focal_start(capture: &Capture) -> Option<String> {
     let told = capture.exif_focal_px.map(|px| format!("EXIF, {px:.1} px"));
-    let assumed = || format!("a field of view of {ASSUMED_FOV_DEG}°");
+    let assumed = || {
+        let [narrow, wide] =
+            [f64::min, f64::max].map(|of| ASSUMED_FOV_DEG.into_iter().reduce(of).unwrap_or_default());
+        format!("fields of view from {narrow} to {wide}°")
+    };
     capture.intrinsics.is_none().then(|| told.unwrap_or_else(assumed))
 }
 

@@ -99,6 +99,9 @@ impl Check {
             }
         }
         writeln!(out)?;
+        if let Some(problem) = fold_warning(k) {
+            self.warn(name, &problem);
+        }
         if let Some(problem) = self.reference_defect(camera_entry) {
             self.warn(name, &problem);
         }
@@ -129,6 +132,18 @@ impl Check {
     fn warn(&self, camera: &str, problem: &str) {
         tracing::warn!("{}: camera `{camera}`: {problem}", self.room.display());
     }
+}
+
+/// Warning of a lens that folds within its picture.
+fn fold_warning(k: &calib::Intrinsics) -> Option<String> {
+    let fold = k.fold()?;
+    Some(format!(
+        "its lens folds {:.1}° from the axis, at a radius of {:.0} px: the {:.0} % of the picture farther out have no rays, and nobody \
+         is seen there; calibrate it with boards in the corners, or with `--model rational` or `fisheye`",
+        fold.angle_deg,
+        fold.radius_px,
+        (100.0 * fold.share).max(1.0)
+    ))
 }
 
 /// Prints regions and lines.
@@ -177,4 +192,22 @@ fn print_geometry(out: &mut impl Write, geometry: Option<&Geometry>) -> anyhow::
         size.x, size.y, size.z, low.x, low.y, low.z, high.x, high.y, high.z
     )?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lens_that_folds_within_its_picture_is_warned_of_with_its_angle_and_radius() {
+        let lens = |fov_deg, k1| calib::Intrinsics {
+            distortion: [k1, 0.0, 0.0, 0.0, 0.0].into(),
+            ..calib::Intrinsics::from_horizontal_fov(640, 480, fov_deg)
+        };
+        // The picture of k1 = -0.3 ends where the tangent of the angle is 1.054, at two thirds of that times the focal length.
+        let line = fold_warning(&lens(90.0, -0.3)).unwrap();
+        assert!(line.contains("46.5°") && line.contains("225 px") && line.contains("rational"), "{line}");
+        assert_eq!(fold_warning(&lens(45.0, -0.3)), None);
+        assert_eq!(fold_warning(&lens(90.0, 0.0)), None);
+    }
 }

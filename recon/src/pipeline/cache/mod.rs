@@ -17,7 +17,9 @@ use serde::de::DeserializeOwned;
 
 use super::BuildOptions;
 use super::camera::{CameraMotion, ProcessedCapture};
+use super::export::PosedCapture;
 use crate::capture::Capture;
+use nalgebra::Similarity3;
 use surface::CachedCapture;
 
 /// Cache folders of a room's finished stages.
@@ -31,27 +33,41 @@ pub(super) struct StageCache {
 pub(super) struct Keys {
     motion: blake3::Hash,
     surface: blake3::Hash,
+    film: blake3::Hash,
 }
 
 impl Keys {
     /// Keys of a capture as filmed, from everything that decides its results.
     pub(super) fn of(capture: &Capture, options: &BuildOptions) -> Self {
-        let frame = |frame: &image::RgbImage| (frame.width(), *blake3::hash(frame.as_raw()).as_bytes());
-        let frames: Vec<(u32, [u8; 32])> = capture.frames.iter().map(frame).collect();
-        let film = (&capture.name, capture.sampled, capture.reference, frames);
+        let film = film_key(capture);
         let lens = (&capture.intrinsics, capture.exif_focal_px);
-        let motion = key_of(&(film, lens, options.seed, &options.motion));
+        let motion = key_of(&(film.as_bytes(), lens, options.seed, &options.motion));
         let made_from = (motion.as_bytes(), &options.dense, &options.planes, &options.assemble.fusion);
-        Self { motion, surface: key_of(&made_from) }
+        Self { motion, surface: key_of(&made_from), film }
     }
+}
+
+/// Key of a capture's frames as filmed, the same for every program and its options.
+pub(super) fn film_key(capture: &Capture) -> blake3::Hash {
+    let frame = |frame: &image::RgbImage| (frame.width(), *blake3::hash(frame.as_raw()).as_bytes());
+    let frames: Vec<(u32, [u8; 32])> = capture.frames.iter().map(frame).collect();
+    blake3::hash(&encoded(&(&capture.name, capture.sampled, capture.reference, frames)))
 }
 
 /// Hash of everything that a result is made from, the program included.
 fn key_of(made_from: &impl Serialize) -> blake3::Hash {
+    blake3::Hasher::new().update(program().as_bytes()).update(&encoded(made_from)).finalize()
+}
+
+fn encoded(value: &impl Serialize) -> Vec<u8> {
     #[allow(clippy::expect_used)]
     // Postcard refuses only sequences of unknown length; these are numbers and vectors.
-    let made_from = postcard::to_extend(made_from, Vec::new()).expect("options are data");
-    blake3::Hasher::new().update(program().as_bytes()).update(&made_from).finalize()
+    postcard::to_extend(value, Vec::new()).expect("options are data")
+}
+
+/// Motion of a capture in the room that was built from it; `None` where it is of another film, or no longer kept.
+pub(super) fn posed(room: &Path, camera: &str, film: &blake3::Hash) -> Option<PosedCapture> {
+    decoded(&cache::read(room, &posed_file(camera), film)?)
 }
 
 /// Hash of the running program: another program may compute another result from the same options.
@@ -117,6 +133,20 @@ impl StageCache {
         }
     }
 
+    /// Keeps a camera's motion in the finished room in `dir` for [`super::export()`].
+    pub(super) fn keep_posed(
+        &self,
+        dir: &Path,
+        camera: &str,
+        keys: &Keys,
+        room_from_camera: &Similarity3<f64>,
+    ) {
+        if let Some(motion) = self.motion(camera, keys) {
+            let posed = PosedCapture::new(motion, room_from_camera);
+            cache::write(dir, &posed_file(camera), &keys.film, &encoded(&posed));
+        }
+    }
+
     /// Removes the cache folder beside the finished room.
     pub(super) fn done<'a>(&self, cameras: impl Iterator<Item = &'a str>) {
         for file in cameras.flat_map(|camera| [motion_file(camera), surface_file(camera)]) {
@@ -137,6 +167,10 @@ fn motion_file(camera: &str) -> String {
     format!("motion_{camera}")
 }
 
+fn posed_file(camera: &str) -> String {
+    format!("posed_{camera}")
+}
+
 fn surface_file(camera: &str) -> String {
     format!("capture_{camera}")
 }
@@ -148,7 +182,7 @@ mod tests {
     use crate::pipeline::report::{CameraReport, CameraSeconds, StartErrors};
     use calib::Intrinsics;
     use image::RgbImage;
-    use nalgebra::Point3;
+    use nalgebra::{Point2, Point3};
 
     fn capture() -> Capture {
         let frames = vec![RgbImage::new(8, 6), RgbImage::new(8, 6)];
@@ -172,7 +206,10 @@ mod tests {
             ..CameraReport::default()
         };
         let points = vec![Point3::new(0.1 + 0.2, -1.0 / 3.0, 7.0), Point3::new(1e-300, -0.0, 2.5)];
-        CameraMotion { lens, camera_from_world, points, report, seconds: CameraSeconds::default() }
+        let observations =
+            vec![vec![(0, Point2::new(3.5, 0.1)), (2, Point2::new(1.0 / 3.0, 4.0))], Vec::new()];
+        let seconds = CameraSeconds::default();
+        CameraMotion { lens, camera_from_world, points, observations, report, seconds }
     }
 
     #[test]
@@ -209,7 +246,10 @@ mod tests {
         cache.store_motion("cam0", &keys, &motion);
         let back = cache.motion("cam0", &keys).unwrap();
         assert_eq!((back.lens, back.report), (motion.lens, motion.report));
-        assert_eq!((back.camera_from_world, back.points), (motion.camera_from_world, motion.points));
+        assert_eq!(
+            (back.camera_from_world, back.points, back.observations),
+            (motion.camera_from_world, motion.points, motion.observations)
+        );
 
         cache.store_surface("cam0", &keys, &processed);
         let whole = |back: ProcessedCapture| {

@@ -44,6 +44,7 @@ impl CachedCapture {
                 lens: lens.clone(),
                 camera_from_world: camera_from_world.clone(),
                 points: Vec::new(),
+                observations: Vec::new(),
                 report: report.clone(),
                 seconds: *seconds,
             },

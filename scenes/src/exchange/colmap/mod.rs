@@ -7,22 +7,23 @@ mod rigs;
 #[cfg(test)]
 mod tests;
 mod text;
+mod write;
 
 use std::collections::HashMap;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use calib::Camera;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use model::{Defect, ModelPoint};
 use nalgebra::Isometry3;
 
 use super::selection::{Chosen, NamedAfter, camera_names};
-use super::{CORNER_PX, Model, ModelGeometry, ModelOptions, PicturedCamera, picture_name};
+use super::{Model, ModelGeometry, ModelOptions, PicturedCamera};
 use crate::geometry::Geometry;
 use crate::geometry::scan::{Placing, Scan, ScanVertex};
-use crate::room::{Room, RoomCamera};
+use crate::room::RoomCamera;
 use crate::{Error, Result};
+pub use write::{SparseModel, SparsePicture, SparsePoint, write};
 
 /// Reads a model: its cameras, in the order of its pictures or of the selection, named after them, and that it has points.
 ///
@@ -142,56 +143,6 @@ fn read_points(dir: &Path) -> Result<Option<Scan>> {
         .map(|p| ScanVertex { position: p.place, color: p.color.map(f32::from), ..ScanVertex::default() })
         .collect::<Vec<_>>();
     Ok((!vertices.is_empty()).then_some(Scan { vertices, ..Scan::default() }))
-}
-
-/// Writes the room as a model in text: its cameras, and its vertices or disc centres as points.
-///
-/// # Errors
-/// [`Error::Calib`] when a file cannot be written; then none is written.
-pub fn write(dir: &Path, room: &Room) -> Result<()> {
-    let (mut cameras, mut images, mut points) = (
-        "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n".to_owned(),
-        "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then POINTS2D[]\n".to_owned(),
-        "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n".to_owned(),
-    );
-    for (id, entry) in (1..).zip(&room.cameras) {
-        let k = &entry.camera.intrinsics;
-        let (cx, cy) = (k.cx + CORNER_PX, k.cy + CORNER_PX);
-        let (model, numbers) = model::written(&k.distortion);
-        let more = numbers.iter().fold(String::new(), |more, number| more + " " + &number.to_string());
-        // Writing into a string cannot fail.
-        let _ = writeln!(cameras, "{id} {model} {} {} {} {} {cx} {cy}{more}", k.width, k.height, k.fx, k.fy);
-        let pose = &entry.camera.camera_from_world;
-        let (q, t) = (pose.rotation.quaternion(), pose.translation.vector);
-        let _ = writeln!(
-            images,
-            "{id} {} {} {} {} {} {} {} {id} {}\n",
-            q.w,
-            q.i,
-            q.j,
-            q.k,
-            t.x,
-            t.y,
-            t.z,
-            picture_name(entry)
-        );
-    }
-    let mut point = |id: usize, p: Vec3, [r, g, b]: [u8; 3]| {
-        let _ = writeln!(points, "{id} {} {} {} {r} {g} {b} 0", p.x, p.y, p.z);
-    };
-    match &room.geometry {
-        Some(Geometry::Mesh(mesh)) => {
-            (1..).zip(mesh.vertices.iter().zip(&mesh.colors)).for_each(|(id, (v, c))| point(id, *v, *c));
-        }
-        Some(Geometry::Discs(discs)) => (1..).zip(discs).for_each(|(id, d)| point(id, d.center, d.color)),
-        None => {}
-    }
-    let paths: [PathBuf; 3] = ["points3D.txt", "images.txt", "cameras.txt"].map(|name| dir.join(name));
-    Ok(calib::files::write_together(&[
-        (&paths[0], points.as_bytes()),
-        (&paths[1], images.as_bytes()),
-        (&paths[2], cameras.as_bytes()),
-    ])?)
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>> {
