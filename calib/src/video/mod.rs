@@ -19,6 +19,7 @@ mod extent;
 mod images;
 mod name_order;
 mod pixels;
+mod remux;
 mod source;
 mod stamp;
 #[cfg(test)]

@@ -1,0 +1,40 @@
+//! Copies of films into another layout of the container, without coding them again.
+
+use std::path::Path;
+
+use ffmpeg::{Packet, codec, format};
+
+/// Copies a film of one stream to an MP4 with its index in front: a player on a page can start, and seek, before it has the
+/// whole film. Returns the number of packets.
+///
+/// # Errors
+/// A film that cannot be read to its end, and a copy that cannot be written.
+pub(super) fn with_index_in_front(from: &Path, to: &Path) -> Result<usize, ffmpeg::Error> {
+    let mut input = format::input(from)?;
+    let mut output = format::output(to)?;
+    let stream = input.stream(0).ok_or(ffmpeg::Error::StreamNotFound)?;
+    let tick = stream.time_base();
+    let mut copy = output.add_stream(codec::Id::None)?;
+    copy.set_parameters(stream.parameters());
+    copy.set_time_base(tick);
+    copy.set_avg_frame_rate(stream.avg_frame_rate());
+    output.write_header_with(ffmpeg::dict!("movflags" => "faststart"))?;
+    let own_tick = output.stream(0).map_or(tick, |stream| stream.time_base());
+    let mut copied = 0;
+    loop {
+        let mut packet = Packet::empty();
+        match packet.read(&mut input) {
+            Ok(()) => {}
+            Err(ffmpeg::Error::Eof) => {
+                output.write_trailer()?;
+                return Ok(copied);
+            }
+            Err(error) => return Err(error),
+        }
+        packet.set_stream(0);
+        packet.set_position(-1);
+        packet.rescale_ts(tick, own_tick);
+        packet.write_interleaved(&mut output)?;
+        copied += 1;
+    }
+}
