@@ -5,7 +5,11 @@
 //! * [`crossing_boxes`] — boxes of people who pass each other in one picture, for linking.
 //! * [`events`] — events against those of true paths, at regions and lines in any room.
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
+//! * [`folder_files`] — all files below a folder.
+//! * [`full_disk`] — commands whose files cannot grow beyond some bytes.
+//! * [`kills`] — programs that are killed at random moments, and what they leave.
 //! * [`mask_recording`] — exact masks of synthetic people in the files that `tracker run` reads.
+//! * [`mix_ups`] — films of synthetic rooms with one of the usual mix-ups, for the check before a run.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`spoilt`] — the same with one of the usual mistakes, for the verdict of a build.
 //! * [`relocation`] — pictures of cameras that have been bumped, with their true poses.
@@ -23,9 +27,13 @@ pub mod chain;
 pub mod crossing_boxes;
 pub mod data;
 pub mod events;
+pub mod folder_files;
+pub mod full_disk;
 pub mod hall;
+pub mod kills;
 pub mod live;
 pub mod mask_recording;
+pub mod mix_ups;
 pub mod network_camera;
 pub mod project;
 pub mod relocation;

@@ -5,12 +5,13 @@ use std::path::Path;
 use ffmpeg::{Packet, codec, format};
 
 /// Copies a film of one stream to an MP4 with its index in front: a player on a page can start, and seek, before it has the
-/// whole film. Returns the number of packets.
+/// whole film. Returns the number of packets: a torn film is copied up to its first damaged one, and 0 is that of a file
+/// that cannot be read.
 ///
 /// # Errors
-/// A film that cannot be read to its end, and a copy that cannot be written.
+/// A copy that cannot be written.
 pub(super) fn with_index_in_front(from: &Path, to: &Path) -> Result<usize, ffmpeg::Error> {
-    let mut input = format::input(from)?;
+    let Ok(mut input) = format::input(from) else { return Ok(0) };
     let mut output = format::output(to)?;
     let stream = input.stream(0).ok_or(ffmpeg::Error::StreamNotFound)?;
     let tick = stream.time_base();
@@ -23,13 +24,9 @@ pub(super) fn with_index_in_front(from: &Path, to: &Path) -> Result<usize, ffmpe
     let mut copied = 0;
     loop {
         let mut packet = Packet::empty();
-        match packet.read(&mut input) {
-            Ok(()) => {}
-            Err(ffmpeg::Error::Eof) => {
-                output.write_trailer()?;
-                return Ok(copied);
-            }
-            Err(error) => return Err(error),
+        if packet.read(&mut input).is_err() || packet.is_corrupt() {
+            output.write_trailer()?;
+            return Ok(copied);
         }
         packet.set_stream(0);
         packet.set_position(-1);

@@ -188,6 +188,34 @@ impl Drop for FilmWriter {
     }
 }
 
+/// Completes a film that a killed program left under its temporary name: its whole frames get one index in front and the
+/// final name, unless another film has it. One without a whole frame is removed. Other files are left alone.
+///
+/// # Errors
+/// A film that cannot be written.
+pub fn complete_film(partial: &Path) -> Result<()> {
+    let name = partial.file_name().unwrap_or_default().to_string_lossy();
+    let Some(stem) = name.strip_suffix(PARTIAL).filter(|stem| stem.ends_with('.')) else { return Ok(()) };
+    let [target, remuxed] = ["mp4", REMUXED].map(|end| partial.with_file_name(format!("{stem}{end}")));
+    if target.exists() {
+        return Ok(());
+    }
+    super::start_ffmpeg().map_err(|error| Error::content(partial, "whole film", error))?;
+    let copied = remux::with_index_in_front(partial, &remuxed);
+    let completed = match &copied {
+        Ok(0) => std::fs::remove_file(partial).map_err(Error::io(partial)),
+        Ok(_) => sync(&remuxed)
+            .and_then(|()| std::fs::rename(&remuxed, &target))
+            .and_then(|()| std::fs::remove_file(partial))
+            .map_err(Error::io(&target)),
+        Err(error) => Err(Error::content(&target, "whole film", format!("cannot be written: {error}"))),
+    };
+    if remuxed.exists() {
+        let _ = std::fs::remove_file(&remuxed);
+    }
+    completed
+}
+
 /// Waits until a file is on the disk.
 fn sync(film: &Path) -> std::io::Result<()> {
     File::open(film)?.sync_all()

@@ -7,20 +7,15 @@ use std::time::Duration;
 
 use image::{Rgb, RgbImage};
 use tests::data::{office, program};
+use tests::full_disk::limited;
 
 use crate::folder::Folder;
 use crate::refusal::refused;
 
 /// Runs a program in a folder in which no file may grow beyond so many bytes: what a full disk does to it.
-fn on_a_full_disk(folder: &Folder, bytes: usize, name: &str, arguments: &[&str]) -> Output {
-    let limited = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" \"$@\"", bytes / 512);
-    Command::new("bash")
-        .args(["-c", &limited])
-        .arg(program(name).get_program())
-        .args(arguments)
-        .current_dir(folder.path("."))
-        .output()
-        .expect("the program starts")
+fn on_a_full_disk(folder: &Folder, bytes: u64, name: &str, arguments: &[&str]) -> Output {
+    let mut command = limited(name, bytes);
+    command.args(arguments).current_dir(folder.path(".")).output().expect("the program starts")
 }
 
 /// Asserts that no file is empty and none is left half-written under a name of its own.

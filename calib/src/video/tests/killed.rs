@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::films::{noise, smooth};
-use crate::video::{FilmWriter, FrameSource};
+use crate::video::{FilmWriter, FrameSource, complete_film};
 
 const RATE_HZ: f64 = 12.0;
 
@@ -94,4 +94,31 @@ fn the_same_frames_are_the_same_bytes() {
         std::fs::read(&path).unwrap()
     };
     assert!(film("a.mp4") == film("b.mp4"));
+}
+
+#[test]
+fn a_film_of_a_killed_program_is_completed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, partial) = (folder.path().join("film.mp4"), folder.path().join("film.partial.mp4"));
+    let mut writer = FilmWriter::create(&path, 64, 48, RATE_HZ).unwrap();
+    (0..60).for_each(|seed| writer.write(&noise(64, 48, seed)).unwrap());
+    drop(writer);
+    let whole = std::fs::read(&partial).unwrap();
+    for kept in [whole.len(), whole.len() / 2, 300, 0] {
+        std::fs::write(&partial, &whole[..kept]).unwrap();
+        complete_film(&partial).unwrap();
+        assert!(!partial.exists());
+        if kept < 1000 {
+            assert!(!path.exists(), "{kept} bytes are no film");
+            continue;
+        }
+        let frames = readable(&path).len() as f64;
+        let expected = 60.0 * kept as f64 / whole.len() as f64;
+        assert!((expected - 13.0..=expected + 1.0).contains(&frames), "{frames} frames of {expected}");
+        // A film that has the name already stays.
+        std::fs::write(&partial, b"another").unwrap();
+        complete_film(&partial).unwrap();
+        assert_eq!(readable(&path).len() as f64, frames);
+        std::fs::remove_file(&path).unwrap();
+    }
 }
