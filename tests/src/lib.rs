@@ -17,6 +17,7 @@
 //! * [`live`] — scenarios of live input, with figures of a run on such cameras.
 //! * [`board`] — a calibration board, drawn into pictures.
 //! * [`broker`] — a real MQTT broker, and a subscriber.
+//! * [`turned_camera`] — a run in which a camera turns.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 
@@ -38,3 +39,4 @@ pub mod network_camera;
 pub mod project;
 pub mod relocation;
 pub mod spoilt;
+pub mod turned_camera;

@@ -200,7 +200,7 @@ pub fn complete_film(partial: &Path) -> Result<()> {
     if target.exists() {
         return Ok(());
     }
-    super::start_ffmpeg().map_err(|error| Error::content(partial, "whole film", error))?;
+    super::start_ffmpeg().map_err(|error| Error::content(partial, "whole film", error.to_string()))?;
     let copied = remux::with_index_in_front(partial, &remuxed);
     let completed = match &copied {
         Ok(0) => std::fs::remove_file(partial).map_err(Error::io(partial)),

@@ -13,7 +13,6 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use crate::chain::StepResult;
-use crate::folder_files::files;
 
 mod build;
 mod readable;
