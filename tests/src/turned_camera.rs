@@ -50,14 +50,10 @@ pub fn run(axis: Vector3<f64>, turn_deg: f64) -> StepResult<TurnedRun> {
             .filter(|time_s| *time_s >= turned_s - 1e-6);
         times.next().map(|time_s| time_s - turned_s)
     };
-    let poses = std::fs::read_dir(&out).map_err(|e| e.to_string())?.flatten();
-    let has_pose = poses
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .any(|name| name.contains("cam1") && name.contains("pose"));
     Ok(TurnedRun {
         told_after_s: time_of("moved"),
         back_after_s: time_of("back"),
-        has_pose,
+        has_pose: out.join("moved_cam1.toml").is_file(),
         tracking: evaluate(&office(), &room, &out)?,
     })
 }
