@@ -39,7 +39,7 @@ pub fn run(axis: Vector3<f64>, turn_deg: f64) -> StepResult<TurnedRun> {
     let turn = UnitQuaternion::new(axis.normalize() * turn_deg.to_radians());
     turn_film(&office().join("video/cam1.mp4"), &bumped, &room, &turn)?;
     let out = scratch.path().join("out");
-    track_videos(&room, &[("cam0", &still), ("cam1", &bumped)], &out, &["--events", "on"])?;
+    track_videos(&room, &[("cam0", &still), ("cam1", &bumped)], &out, &[])?;
     let text = std::fs::read_to_string(out.join("events.jsonl")).map_err(|e| e.to_string())?;
     let turned_s = (TURNED_AT - 1) as f64 / RATE_HZ;
     let time_of = |state: &str| {
