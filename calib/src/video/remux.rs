@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use ffmpeg::format::context::Input;
 use ffmpeg::{Packet, codec, format};
 
 /// Copies a film of one stream to an MP4 with its index in front: a player on a page can start, and seek, before it has the
@@ -12,9 +13,10 @@ use ffmpeg::{Packet, codec, format};
 /// A copy that cannot be written.
 pub(super) fn with_index_in_front(from: &Path, to: &Path) -> Result<usize, ffmpeg::Error> {
     let Ok(mut input) = format::input(from) else { return Ok(0) };
-    let mut output = format::output(to)?;
-    let stream = input.stream(0).ok_or(ffmpeg::Error::StreamNotFound)?;
+    let mut next = next_packet(&mut input);
+    let Some(stream) = input.stream(0).filter(|_| next.is_some()) else { return Ok(0) };
     let tick = stream.time_base();
+    let mut output = format::output(to)?;
     let mut copy = output.add_stream(codec::Id::None)?;
     copy.set_parameters(stream.parameters());
     copy.set_time_base(tick);
@@ -22,16 +24,20 @@ pub(super) fn with_index_in_front(from: &Path, to: &Path) -> Result<usize, ffmpe
     output.write_header_with(ffmpeg::dict!("movflags" => "faststart"))?;
     let own_tick = output.stream(0).map_or(tick, |stream| stream.time_base());
     let mut copied = 0;
-    loop {
-        let mut packet = Packet::empty();
-        if packet.read(&mut input).is_err() || packet.is_corrupt() {
-            output.write_trailer()?;
-            return Ok(copied);
-        }
+    while let Some(mut packet) = next {
         packet.set_stream(0);
         packet.set_position(-1);
         packet.rescale_ts(tick, own_tick);
         packet.write_interleaved(&mut output)?;
         copied += 1;
+        next = next_packet(&mut input);
     }
+    output.write_trailer()?;
+    Ok(copied)
+}
+
+/// The next whole packet of a film.
+fn next_packet(input: &mut Input) -> Option<Packet> {
+    let mut packet = Packet::empty();
+    (packet.read(input).is_ok() && !packet.is_corrupt()).then_some(packet)
 }

@@ -8,6 +8,6 @@ fn a_killed_run_leaves_readable_files_and_is_repeated_to_the_byte() {
 
 #[test]
 fn a_killed_build_leaves_no_half_room_and_is_repeated_to_the_byte() {
-    let outcome = tests::kills::build(2, 1).unwrap();
+    let outcome = tests::kills::build(1, 1).unwrap();
     assert!(outcome.faults.is_empty(), "{outcome:?}");
 }
