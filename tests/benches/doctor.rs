@@ -20,7 +20,7 @@ const FIRST_SEED: u64 = 1000;
 const WORDS: [(MixUp, &[&str]); 4] = [
     (MixUp::Swapped, &["are two films swapped"]),
     (MixUp::Shifted, &["give --offset"]),
-    (MixUp::OtherPose, &["has turned", "was the camera moved"]),
+    (MixUp::OtherPose, &["has turned", "was moved since", "was the camera moved"]),
     (MixUp::OtherRoom, &["is it of another room"]),
 ];
 
