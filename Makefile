@@ -4,7 +4,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup libraries demo test lint bench fuzz papers docs deb image smoke install
+.PHONY: help setup libraries demo test lint deny bench fuzz papers docs deb image smoke install
 
 OFFICE := tests/office
 DEMO   := target/demo
@@ -15,7 +15,8 @@ FEATURES := --features tracker/zenoh
 help:
 	@echo "make demo   reconstruct the office, follow everyone in it, evaluate, write a report (about 5 minutes)"
 	@echo "make test   all tests, and how many of them were skipped"
-	@echo "make lint   formatting, clippy, documentation"
+	@echo "make lint   formatting, clippy, documentation, dependencies where cargo-deny is installed"
+	@echo "make deny   licences, sources and advisories of the dependencies (installs cargo-deny; advisories need the network)"
 	@echo "make bench  accuracy and speed on the data with ground truth"
 	@echo "make fuzz   damaged and hostile files for every reader (about 10 minutes)"
 	@echo "make papers the experiments of the four papers beside their own numbers: target/papers/index.html"
@@ -44,6 +45,12 @@ lint: libraries
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets $(FEATURES) -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace $(FEATURES) --no-deps --document-private-items
+
+	@./tests/deny.sh
+
+deny:
+	@./tests/setup.sh deny
+	@./tests/deny.sh advisories
 
 bench: libraries
 	cargo build --release --locked --workspace --bins $(FEATURES)

@@ -4,6 +4,7 @@
 # Or the browser that pages are tested in.   setup.sh browser
 # Or what a package, an image or the guide is made with; programs from crates.io go to target/tools.
 #   setup.sh package | image | guide
+# Or what checks the dependencies.   setup.sh deny
 set -euo pipefail
 
 as_root=()
@@ -49,6 +50,10 @@ package)
 image)
     command -v podman >/dev/null || command -v docker >/dev/null || programs podman=podman
     programs mmdebstrap=mmdebstrap
+    exit 0
+    ;;
+deny)
+    tool cargo-deny 0.20.2
     exit 0
     ;;
 guide)

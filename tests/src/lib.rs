@@ -6,7 +6,11 @@
 //! * [`events`] — events against those of true paths, at regions and lines in any room.
 //! * [`filmed_lens`] — captures as another lens would have filmed them.
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
+//! * [`folder_files`] — all files below a folder.
+//! * [`full_disk`] — commands whose files cannot grow beyond some bytes.
+//! * [`kills`] — programs that are killed at random moments, and what they leave.
 //! * [`mask_recording`] — exact masks of synthetic people in the files that `tracker run` reads.
+//! * [`mix_ups`] — films of synthetic rooms with one of the usual mix-ups, for the check before a run.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`spoilt`] — the same with one of the usual mistakes, for the verdict of a build.
 //! * [`relocation`] — pictures of cameras that have been bumped, with their true poses.
@@ -14,6 +18,7 @@
 //! * [`live`] — scenarios of live input, with figures of a run on such cameras.
 //! * [`board`] — a calibration board, drawn into pictures.
 //! * [`broker`] — a real MQTT broker, and a subscriber.
+//! * [`turned_camera`] — a run in which a camera turns.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 
@@ -25,10 +30,15 @@ pub mod crossing_boxes;
 pub mod data;
 pub mod events;
 pub mod filmed_lens;
+pub mod folder_files;
+pub mod full_disk;
 pub mod hall;
+pub mod kills;
 pub mod live;
 pub mod mask_recording;
+pub mod mix_ups;
 pub mod network_camera;
 pub mod project;
 pub mod relocation;
 pub mod spoilt;
+pub mod turned_camera;

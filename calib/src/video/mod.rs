@@ -6,7 +6,8 @@
 //!   of a stream, the number of a device.
 //! * [`FrameStamp`] — times of a frame on its source's clock, the sender's and ours.
 //! * [`creation_time`] — time at which a video was recorded, as its container states it.
-//! * [`FilmWriter`] — an MP4 film, under a temporary name until it is finished.
+//! * [`FilmWriter`] — an MP4 film, under a temporary name until it is finished; [`complete_film`] completes that of a
+//!   program that was killed.
 
 use std::sync::Once;
 
@@ -19,6 +20,7 @@ mod extent;
 mod images;
 mod name_order;
 mod pixels;
+mod remux;
 mod source;
 mod stamp;
 #[cfg(test)]
@@ -28,7 +30,7 @@ mod writer;
 pub use creation::creation_time;
 pub use source::FrameSource;
 pub use stamp::FrameStamp;
-pub use writer::FilmWriter;
+pub use writer::{FilmWriter, complete_film};
 
 /// Initialises FFmpeg on the first call; without it FFmpeg's errors have no text.
 fn start_ffmpeg() -> Result<(), ffmpeg::Error> {

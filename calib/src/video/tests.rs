@@ -7,6 +7,7 @@ use image::{Rgb, RgbImage};
 use super::{FilmWriter, FrameSource};
 
 mod films;
+mod killed;
 mod live;
 mod memory;
 mod rtsp;

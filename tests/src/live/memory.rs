@@ -14,7 +14,7 @@ const LOOKS: u32 = 11;
 const EVERY: Duration = Duration::from_secs(1);
 
 /// Resident set of a process, bytes.
-fn resident_bytes(pid: u32) -> StepResult<f64> {
+pub(super) fn resident_bytes(pid: u32) -> StepResult<f64> {
     let path = format!("/proc/{pid}/status");
     let status = std::fs::read_to_string(&path).map_err(|e| format!("{path}: {e}"))?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

@@ -11,6 +11,8 @@
 //! * [`publishing`] — from capture to MQTT message.
 //! * [`memory`] — growth of a long run.
 //! * [`capacity`] — number of cameras that are followed in real time.
+//! * [`service`] — a service of two rooms for some minutes.
+//! * [`viewers`] — what viewers of the page cost, and its weight.
 //! * [`stations`] — one process for each camera.
 //! * [`agents`] — one process for each camera, which track together without a gatherer.
 //!
@@ -34,7 +36,9 @@ pub mod proxy;
 pub mod publishing;
 pub mod rows;
 pub mod run;
+pub mod service;
 pub mod stations;
+pub mod viewers;
 
 use crate::chain::StepResult;
 

@@ -2,7 +2,10 @@
 
 use calib::video::{FilmWriter, FrameSource};
 use image::RgbImage;
+use nalgebra::{UnitQuaternion, Vector3};
+use scenes::room::Room;
 use tests::data::office;
+use tests::relocation::turned;
 
 use crate::folder::Folder;
 
@@ -75,4 +78,27 @@ fn films_that_do_not_fit_the_room_or_each_other_are_told() {
         status == Some(1) && text.contains("give the recording that the room was calibrated for"),
         "{text}"
     );
+}
+
+/// A camera that was carried to another place: near and far surfaces have moved by different angles.
+#[test]
+fn a_camera_that_stands_elsewhere_is_told() {
+    let folder = office_with_references();
+    let cam1 = office().join("video/cam1.mp4").to_str().unwrap().to_owned();
+    let room = Room::read(&folder.path("room")).unwrap();
+    let lens = &room.camera("cam1").unwrap().camera.intrinsics;
+    let mut source = FrameSource::open(&cam1).unwrap();
+    let (width, height) = source.size();
+    let mut picture = RgbImage::default();
+    assert!(source.read(&mut picture).unwrap());
+    // Four strips, each turned by another angle, as four surfaces side by side.
+    let strips = [2.0, 2.6, 3.2, 3.8]
+        .map(|deg: f64| turned(&picture, lens, &UnitQuaternion::new(Vector3::y() * deg.to_radians())));
+    let seen = RgbImage::from_fn(width, height, |u, v| *strips[(4 * u / width) as usize].get_pixel(u, v));
+    let mut film = FilmWriter::create(&folder.path("moved.mp4"), width, height, 12.0).unwrap();
+    (0..24).for_each(|_| film.write(&seen).unwrap());
+    film.finish().unwrap();
+    let found = folder.run_program("tracker", &["check", "room", "--video", "cam1=moved.mp4"]);
+    let text = String::from_utf8(found.stdout).unwrap();
+    assert!(found.status.code() == Some(1) && text.contains("camera `cam1` was moved since"), "{text}");
 }

@@ -13,6 +13,7 @@ mod folder;
 mod front_door;
 mod guide;
 mod kept_files;
+mod kills;
 mod link_refusals;
 mod live_cameras;
 mod live_view;

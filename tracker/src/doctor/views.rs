@@ -160,6 +160,18 @@ fn compare_one(
             here.agreeing
         ));
     }
+    if is_elsewhere(&here) {
+        return finding(format!(
+            "camera `{}` was moved since the room's reference picture ({} of {} points that are recognised agree with a turn of \
+             {:.1}°, {} with none): put it back, let `recon relocate` find its present pose, or build the room from a capture that \
+             ends there",
+            film.camera,
+            here.agreeing,
+            here.matches,
+            here.angle_deg(),
+            here.unmoved
+        ));
+    }
     if here.unmoved >= CLEARLY_AGREEING {
         let intrinsics = room.cameras[own]
             .camera
@@ -189,6 +201,14 @@ pub(super) fn is_turned(agreement: &Agreement) -> bool {
         && agreement.agreeing as f64 >= TURNED_SHARE * agreement.matches as f64
         && agreement.angle_deg() >= TURNED_DEG
         && (agreement.unmoved as f64) < UNMOVED_SHARE * agreement.agreeing as f64
+}
+
+/// Whether a camera stands elsewhere: near and far surfaces have moved by different angles, so no rotation explains most
+/// matches, but next to none are where they were.
+fn is_elsewhere(agreement: &Agreement) -> bool {
+    agreement.agreeing >= CLEARLY_AGREEING
+        && agreement.angle_deg() >= TURNED_DEG
+        && agreement.unmoved * MUCH_BETTER < agreement.agreeing
 }
 
 /// Direction in which the camera has turned, in words.

@@ -101,6 +101,18 @@ impl<'a> DailyFilm<'a> {
         Ok(Self { start, film })
     }
 
+    /// Completes the films in the folder of a day that a killed run has left, and tells of those that it cannot.
+    pub fn complete(folder: &Path) {
+        let entries = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let starts =
+            entries(folder).filter(|entry| entry.file_name().to_string_lossy().starts_with(Self::PREFIX));
+        for film in starts.flat_map(|start| entries(&start.path().join("overlay"))) {
+            if let Err(error) = calib::video::complete_film(&film.path()) {
+                tracing::warn!("{error}");
+            }
+        }
+    }
+
     fn folder(folder: &Path) -> std::path::PathBuf {
         let now = Clock::of_system(SystemTime::now()).at(0.0);
         // 2026-11-27T10:15:30.000Z.

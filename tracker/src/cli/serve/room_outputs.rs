@@ -27,6 +27,9 @@ pub(in crate::cli) fn room_outputs<'a>(
     shown: Vec<Box<dyn Output + 'a>>,
 ) -> Box<dyn Output + 'a> {
     let (clock, earlier) = (journal.clock(), journal.last_folder());
+    if let Some(earlier) = &earlier {
+        DailyFilm::complete(earlier);
+    }
     let begin = move |folder: &Path| {
         let persistence = Persistence::lasting();
         let tracks = TrackFiles::new(folder, prepared).with_clock(Some(clock)).kept(&persistence);

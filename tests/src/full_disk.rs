@@ -1,0 +1,171 @@
+//! What a full disk does to programs: no file may grow beyond some bytes.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use image::{Rgb, RgbImage};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use crate::chain::StepResult;
+use crate::data::{office, program};
+use crate::folder_files::files;
+
+/// One of the project's programs, whose files cannot grow beyond so many bytes (`setrlimit`, `RLIMIT_FSIZE`).
+pub fn limited(name: &str, bytes: u64) -> Command {
+    let mut command = Command::new("bash");
+    let limited = format!("trap '' XFSZ; exec prlimit --fsize={bytes} \"$0\" \"$@\"");
+    command.args(["-c", &limited]).arg(program(name).get_program());
+    command
+}
+
+/// A command, run in a folder with some inputs; it writes to `out` or below it.
+#[derive(Debug, Clone, Copy)]
+pub struct Writer {
+    /// Name of the program.
+    pub program: &'static str,
+    /// Arguments; ROOM stands for the office's room, and VIDEO for its films.
+    pub arguments: &'static [&'static str],
+}
+
+/// Commands that write.
+pub const WRITERS: [Writer; 9] = [
+    Writer { program: "scenes", arguments: &["plan", "ROOM", "--out", "out.png"] },
+    Writer { program: "scenes", arguments: &["depth", "ROOM", "--camera", "cam0", "--out", "out.png"] },
+    Writer { program: "scenes", arguments: &["export", "ROOM", "--format", "colmap", "--out", "out"] },
+    Writer { program: "scenes", arguments: &["export", "ROOM", "--format", "glb", "--out", "out.glb"] },
+    Writer { program: "tracker", arguments: &["link", "det.txt", "--out", "out.txt"] },
+    Writer { program: "tracker", arguments: &["masks", "--video", "a=a", "--out", "out", "--outlines"] },
+    Writer {
+        program: "tracker",
+        arguments: &[
+            "run",
+            "ROOM",
+            "--video",
+            "cam0=VIDEO/cam0.mp4",
+            "--video",
+            "cam1=VIDEO/cam1.mp4",
+            "--out",
+            "out",
+            "--steps",
+            "10",
+            "--film-width",
+            "320",
+        ],
+    },
+    Writer { program: "tracker", arguments: &["events", "run", "--room", "ROOM"] },
+    Writer { program: "tracker", arguments: &["report", "run", "--room", "ROOM", "--out", "out.html"] },
+];
+
+/// Outcome of one command on disks of many sizes.
+#[derive(Debug, Default)]
+pub struct Outcome {
+    /// Number of runs that were refused by the disk.
+    pub refused: usize,
+    /// Number of runs that had enough.
+    pub enough: usize,
+    /// Faults, with their sizes.
+    pub faults: Vec<String>,
+}
+
+impl Writer {
+    fn arguments(&self) -> Vec<String> {
+        let [room, video] = ["room", "video"].map(|name| office().join(name).display().to_string());
+        self.arguments.iter().map(|a| a.replace("ROOM", &room).replace("VIDEO", &video)).collect()
+    }
+
+    /// Runs the command on disks of random sizes, in a folder that has its results already.
+    ///
+    /// # Errors
+    /// A command that fails undisturbed.
+    pub fn on_full_disks(&self, sizes: usize, seed: u64) -> StepResult<Outcome> {
+        let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
+        let folder = scratch.path();
+        inputs(folder)?;
+        let given = files(folder);
+        let whole = program(self.program).args(self.arguments()).current_dir(folder).output();
+        let whole = whole.map_err(|e| e.to_string())?;
+        if !whole.status.success() {
+            return Err(format!("{self:?}: {}", String::from_utf8_lossy(&whole.stderr)));
+        }
+        let expected = files(folder);
+        let results = expected.iter().filter(|(name, bytes)| given.get(*name) != Some(bytes));
+        let largest = results.map(|(_, bytes)| bytes.len()).max().unwrap_or(1) as f64;
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        let mut outcome = Outcome::default();
+        for _ in 0..sizes {
+            // Evenly by the logarithm: small files fail, too.
+            let bytes = (1.1 * largest).powf(random.random_range(0.0..1.0)) as u64;
+            let output = limited(self.program, bytes).args(self.arguments()).current_dir(folder).output();
+            let output = output.map_err(|e| e.to_string())?;
+            let faults = self.faults(&output, folder, &expected, &mut outcome);
+            outcome.faults.extend(faults.into_iter().map(|fault| format!("{bytes} bytes: {fault}")));
+        }
+        Ok(outcome)
+    }
+
+    fn faults(
+        &self,
+        output: &Output,
+        folder: &Path,
+        expected: &std::collections::BTreeMap<PathBuf, Vec<u8>>,
+        outcome: &mut Outcome,
+    ) -> Vec<String> {
+        let said = String::from_utf8_lossy(&output.stderr);
+        let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
+        let mut faults = Vec::new();
+        match output.status.code() {
+            Some(0) => outcome.enough += 1,
+            Some(2) if errors.len() == 1 => outcome.refused += 1,
+            _ => faults.push(format!("{} with {:?}", output.status, said.lines().last())),
+        }
+        for (name, now) in files(folder) {
+            let text = name.to_string_lossy();
+            let Some(whole) = expected.get(&name) else {
+                // What was filmed until the disk was full is kept under this name.
+                if !text.contains(".partial.") {
+                    faults.push(format!("{text} was left"));
+                }
+                continue;
+            };
+            let is_of_lines = ["txt", "jsonl"].iter().any(|end| name.extension().is_some_and(|e| e == *end));
+            // A run replaces rows as it goes; times differ.
+            let is_prefix = is_of_lines && whole.starts_with(&now);
+            if now != *whole && !is_prefix && !text.ends_with("timings.json") && !text.ends_with(".html") {
+                faults.push(format!("{text} is not what it was ({} of {} bytes)", now.len(), whole.len()));
+            }
+        }
+        let lost = expected.keys().filter(|name| !folder.join(name).exists());
+        faults.extend(lost.map(|name| format!("{} is lost", name.display())));
+        faults
+    }
+}
+
+/// Inputs of all commands: pictures of noise, detections, a finished run.
+fn inputs(folder: &Path) -> StepResult<()> {
+    let problem = |e: std::io::Error| e.to_string();
+    std::fs::create_dir(folder.join("a")).map_err(problem)?;
+    for frame in 1..=6u32 {
+        let noise = |u: u32, v: u32| Rgb([(u * u * 31 + v * 57 + u * v * frame) as u8; 3]);
+        let path = folder.join(format!("a/{frame}.png"));
+        RgbImage::from_fn(320, 240, noise).save(path).map_err(|e| e.to_string())?;
+    }
+    let rows = (1..400).fold(String::new(), |rows, frame| rows + &format!("{frame},-1,10,10,30,60,0.9\n"));
+    std::fs::write(folder.join("det.txt"), rows).map_err(problem)?;
+    let run = [
+        "run",
+        "ROOM",
+        "--video",
+        "cam0=VIDEO/cam0.mp4",
+        "--video",
+        "cam1=VIDEO/cam1.mp4",
+        "--out",
+        "run",
+        "--steps",
+        "10",
+        "--no-film",
+    ];
+    let [room, video] = ["room", "video"].map(|name| office().join(name).display().to_string());
+    let run = run.map(|a| a.replace("ROOM", &room).replace("VIDEO", &video));
+    crate::chain::run(program("tracker").args(run).current_dir(folder)).map(drop)
+}
