@@ -45,7 +45,6 @@ lint: libraries
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets $(FEATURES) -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace $(FEATURES) --no-deps --document-private-items
-
 	@./tests/deny.sh
 
 deny:

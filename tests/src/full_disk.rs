@@ -98,47 +98,47 @@ impl Writer {
             let bytes = (1.1 * largest).powf(random.random_range(0.0..1.0)) as u64;
             let output = limited(self.program, bytes).args(self.arguments()).current_dir(folder).output();
             let output = output.map_err(|e| e.to_string())?;
-            let faults = self.faults(&output, folder, &expected, &mut outcome);
+            let faults = faults(&output, folder, &expected, &mut outcome);
             outcome.faults.extend(faults.into_iter().map(|fault| format!("{bytes} bytes: {fault}")));
         }
         Ok(outcome)
     }
+}
 
-    fn faults(
-        &self,
-        output: &Output,
-        folder: &Path,
-        expected: &std::collections::BTreeMap<PathBuf, Vec<u8>>,
-        outcome: &mut Outcome,
-    ) -> Vec<String> {
-        let said = String::from_utf8_lossy(&output.stderr);
-        let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
-        let mut faults = Vec::new();
-        match output.status.code() {
-            Some(0) => outcome.enough += 1,
-            Some(2) if errors.len() == 1 => outcome.refused += 1,
-            _ => faults.push(format!("{} with {:?}", output.status, said.lines().last())),
-        }
-        for (name, now) in files(folder) {
-            let text = name.to_string_lossy();
-            let Some(whole) = expected.get(&name) else {
-                // What was filmed until the disk was full is kept under this name.
-                if !text.contains(".partial.") {
-                    faults.push(format!("{text} was left"));
-                }
-                continue;
-            };
-            let is_of_lines = ["txt", "jsonl"].iter().any(|end| name.extension().is_some_and(|e| e == *end));
-            // A run replaces rows as it goes; times differ.
-            let is_prefix = is_of_lines && whole.starts_with(&now);
-            if now != *whole && !is_prefix && !text.ends_with("timings.json") && !text.ends_with(".html") {
-                faults.push(format!("{text} is not what it was ({} of {} bytes)", now.len(), whole.len()));
-            }
-        }
-        let lost = expected.keys().filter(|name| !folder.join(name).exists());
-        faults.extend(lost.map(|name| format!("{} is lost", name.display())));
-        faults
+/// Faults of a command that ran with little room, of which `expected` is what it writes with enough.
+fn faults(
+    output: &Output,
+    folder: &Path,
+    expected: &std::collections::BTreeMap<PathBuf, Vec<u8>>,
+    outcome: &mut Outcome,
+) -> Vec<String> {
+    let said = String::from_utf8_lossy(&output.stderr);
+    let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
+    let mut faults = Vec::new();
+    match output.status.code() {
+        Some(0) => outcome.enough += 1,
+        Some(2) if errors.len() == 1 => outcome.refused += 1,
+        _ => faults.push(format!("{} with {:?}", output.status, said.lines().last())),
     }
+    for (name, now) in files(folder) {
+        let text = name.to_string_lossy();
+        let Some(whole) = expected.get(&name) else {
+            // What was filmed until the disk was full is kept under this name.
+            if !text.contains(".partial.") {
+                faults.push(format!("{text} was left"));
+            }
+            continue;
+        };
+        let is_of_lines = ["txt", "jsonl"].iter().any(|end| name.extension().is_some_and(|e| e == *end));
+        // A run replaces rows as it goes; times differ.
+        let is_prefix = is_of_lines && whole.starts_with(&now);
+        if now != *whole && !is_prefix && !text.ends_with("timings.json") && !text.ends_with(".html") {
+            faults.push(format!("{text} is not what it was ({} of {} bytes)", now.len(), whole.len()));
+        }
+    }
+    let lost = expected.keys().filter(|name| !folder.join(name).exists());
+    faults.extend(lost.map(|name| format!("{} is lost", name.display())));
+    faults
 }
 
 /// Inputs of all commands: pictures of noise, detections, a finished run.

@@ -26,15 +26,13 @@ pub(super) fn unreadable(out: &Path) -> (Vec<String>, f64) {
             continue;
         }
         let problem = match name.extension().and_then(|end| end.to_str()) {
-            Some("jsonl") if !has_whole_lines => Some("ends in a line".to_owned()),
+            Some("jsonl" | "txt" | "csv") if !has_whole_lines => Some("ends in a line".to_owned()),
             Some("jsonl") if name.ends_with("tracks.jsonl") => {
                 jsonl::read(&path).err().map(|error| error.to_string())
             }
             Some("jsonl") => text.lines().find(|line| !is_json(line)).map(str::to_owned),
-            Some("txt") if !has_whole_lines => Some("ends in a line".to_owned()),
             Some("txt") if content.is_empty() => None,
             Some("txt") => RowFile::read(&path).err().map(|error| error.to_string()),
-            Some("csv") => (!has_whole_lines).then(|| "ends in a line".to_owned()),
             Some("json") => (!is_json(&text)).then(|| "is no JSON".to_owned()),
             Some("png") => image::open(&path).err().map(|error| error.to_string()),
             Some("mp4") if shown.contains(".remuxed.") => None,

@@ -13,7 +13,7 @@ use crate::folder_files::files;
 /// Longest time from one kill to the next.
 const LONGEST: Duration = Duration::from_secs(9);
 /// Longest wait for a process to end, or to write.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 const POLL: Duration = Duration::from_millis(50);
 
 /// Kills a service of one room, which films, again and again; at the end it is asked to end.

@@ -31,7 +31,7 @@ const QUIET_S: f64 = 12.0;
 const DROPS_EVERY_S: std::ops::Range<f64> = 15.0..45.0;
 const DROPS_FOR_S: std::ops::Range<f64> = 1.0..8.0;
 /// Time to end, and for the last messages to come.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 /// Interval of looks at the memory.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 

@@ -112,13 +112,16 @@ fn a_film_of_a_killed_program_is_completed() {
             assert!(!path.exists(), "{kept} bytes are no film");
             continue;
         }
-        let frames = readable(&path).len() as f64;
+        let frames = readable(&path).len();
         let expected = 60.0 * kept as f64 / whole.len() as f64;
-        assert!((expected - 13.0..=expected + 1.0).contains(&frames), "{frames} frames of {expected}");
+        assert!(
+            (expected - 13.0..=expected + 1.0).contains(&(frames as f64)),
+            "{frames} frames of {expected}"
+        );
         // A film that has the name already stays.
         std::fs::write(&partial, b"another").unwrap();
         complete_film(&partial).unwrap();
-        assert_eq!(readable(&path).len() as f64, frames);
+        assert_eq!(readable(&path).len(), frames);
         std::fs::remove_file(&path).unwrap();
     }
 }

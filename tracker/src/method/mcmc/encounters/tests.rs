@@ -204,8 +204,9 @@ fn gone_over(heights_m: [f64; 2], returns_nats: f64) -> Vec<Renaming> {
         let last = held.smoother.moments.back().unwrap();
         let learnt = |trace: &Trace| {
             let size = renaming.ids.iter().position(|id| Some(*id) == trace.id).map(|i| renaming.sizes[i]);
-            let before = held.encounters.tracked.get(&trace.id.unwrap()).cloned().unwrap_or_default();
-            (trace.id.unwrap(), LearntTraits { size: size.unwrap_or(before.size), ..before })
+            let mut traits = held.encounters.tracked.get(&trace.id.unwrap()).cloned().unwrap_or_default();
+            traits.size = size.unwrap_or(traits.size);
+            (trace.id.unwrap(), traits)
         };
         held.encounters.tracked = last.people.iter().map(learnt).collect();
         renamings.push(renaming);
