@@ -145,3 +145,49 @@ impl SparseModel {
         texts.write(dir)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+
+    use super::super::read_points;
+    use super::super::tests::{cameras, room};
+    use super::*;
+
+    /// A model with sightings: what is read back is what was written, and each line of a point names the sightings that name it.
+    #[test]
+    fn a_sparse_model_comes_back_with_its_sightings() {
+        let (folder, room) = (tempfile::tempdir().unwrap(), room());
+        let lenses: Vec<_> = room.cameras.iter().map(|entry| entry.camera.intrinsics.clone()).collect();
+        let point =
+            |place: [f64; 3], color| SparsePoint { place: Point3::from(place), color, error_px: 0.25 };
+        let pictures = [0, 1, 1].into_iter().enumerate().map(|(number, lens)| SparsePicture {
+            name: format!("{}/{number:04}.jpg", room.cameras[lens].name),
+            lens,
+            camera_from_world: room.cameras[number].camera.camera_from_world,
+            sightings: vec![(1, Point2::new(3.25, 4.5)), (0, Point2::new(100.0, 7.0))][..2 - number % 2]
+                .to_vec(),
+        });
+        let points = vec![point([0.1, -2.5, 1.0 / 3.0], [1, 2, 3]), point([4.0, 5.0, 6.0], [250, 0, 9])];
+        let model = SparseModel { lenses, pictures: pictures.collect(), points };
+        model.write(folder.path()).unwrap();
+        let found = cameras(folder.path()).unwrap();
+        assert_eq!(found.len(), 3);
+        for (found, written) in found.iter().zip(&model.pictures) {
+            assert_relative_eq!(found.camera.camera_from_world, written.camera_from_world, epsilon = 1e-12);
+            let (a, b) = (&found.camera.intrinsics, &model.lenses[written.lens]);
+            assert_eq!((a.width, a.height, a.distortion), (b.width, b.height, b.distortion));
+            assert_relative_eq!(a.matrix(), b.matrix(), epsilon = 1e-9);
+        }
+        let back = read_points(folder.path()).unwrap().unwrap();
+        let back: Vec<[f64; 3]> = back.vertices.iter().map(|vertex| vertex.position).collect();
+        assert_eq!(back, [[0.1, -2.5, 1.0 / 3.0], [4.0, 5.0, 6.0]]);
+        // COLMAP counts pixels from the corner, and its lists refer to each other.
+        let text = |name| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        let [points, images] = ["points3D.txt", "images.txt"].map(text);
+        let tracks: Vec<&str> =
+            points.lines().skip(1).map(|line| line.split(" 0.25").last().unwrap()).collect();
+        assert_eq!(tracks, [" 1 1 3 1", " 1 0 2 0 3 0"]);
+        assert!(images.contains("\n3.75 5 2 100.5 7.5 1\n") && images.contains("\n3.75 5 2\n"), "{images}");
+    }
+}
