@@ -49,7 +49,9 @@ chroot "$fresh" dpkg-query --show --showformat '${Installed-Size} KiB installed\
 say "the image, as a user without rights, on a read-only root"
 mkdir "$scratch/office"
 cp -r tests/office/. "$scratch/office.sh" "$scratch/office/"
-chmod -R a+rwX "$scratch"
+# Below the scratch folder the fresh Debian has this machine's /dev: only these two.
+chmod a+rx "$scratch"
+chmod -R a+rwX "$scratch/office"
 "${engine[@]}" run --rm --ulimit nofile=1024:1024 --ulimit nproc=4096:4096 --read-only --cap-drop=all --security-opt=no-new-privileges \
     --volume "$scratch/office:/office" --workdir /office --entrypoint bash roomtrack office.sh
 say "both work"
