@@ -222,7 +222,8 @@ impl Encounters {
             })
         });
         let jumped = self.lost.iter().flat_map(|lost| {
-            let jumps = jumps_to(moments, lost, room).into_iter();
+            let returns = |place: &Vector2<f64>, time_s: f64| room(lost, place, time_s);
+            let jumps = jumps_to(moments, (lost.time_s, &lost.place), &returns).into_iter();
             let known = jumps.filter(|jump| jump.id != lost.id && self.tracked.contains_key(&jump.id));
             known.filter_map(|jump| {
                 let (time_s, ids) = (jump.time_s, [lost.id, jump.id]);

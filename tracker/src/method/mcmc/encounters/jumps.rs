@@ -15,7 +15,6 @@ use nalgebra::Vector2;
 use super::super::reassociation::WINDOW_S;
 use super::super::smoother::LaggedMoment;
 use super::super::trace::Trace;
-use super::Lost;
 use crate::TrackId;
 
 /// Log probability that a track goes over to somebody else in one moment, nats. Chosen on generated crowds of 10 and 15 people:
@@ -37,27 +36,27 @@ pub(super) struct Jump {
     pub(super) nats: f64,
 }
 
-/// Steps by which tracks may have gone over to a person, after that person was lost. `returns_nats`: log density (1/m²) of the
-/// person's coming back at a place and time.
+/// Steps by which tracks may have gone over to a person who was last measured at this time (seconds) and place (metres).
+/// `returns_nats`: log density (1/m²) of the person's coming back at a place and time.
 pub(super) fn jumps_to(
     moments: &VecDeque<LaggedMoment>,
-    lost: &Lost,
-    returns_nats: &impl Fn(&Lost, &Vector2<f64>, f64) -> f64,
+    (lost_s, lost_at): (f64, &Vector2<f64>),
+    returns_nats: &impl Fn(&Vector2<f64>, f64) -> f64,
 ) -> Vec<Jump> {
     let Some(now) = moments.back() else { return Vec::new() };
     // Exchanges of tracks that met are looked for until then.
     let until_s = now.time_s - WINDOW_S;
-    let first = moments.partition_point(|moment| moment.time_s <= lost.time_s);
-    let last_s = until_s.min(lost.time_s + LOST_FOR_S);
+    let first = moments.partition_point(|moment| moment.time_s <= lost_s);
+    let last_s = until_s.min(lost_s + LOST_FOR_S);
     let steps = (first.max(1)..moments.len()).take_while(|i| moments[*i].time_s <= last_s);
     let jump = |before: &LaggedMoment, now: &LaggedMoment, trace: &Trace| {
         let place = trace.motion.measured.as_ref()?.place;
-        if (place - lost.place).norm() > FARTHEST_M {
+        if (place - lost_at).norm() > FARTHEST_M {
             return None;
         }
         let earlier = before.people.iter().find(|earlier| earlier.key == trace.key)?;
         let id = trace.id.filter(|id| earlier.id == Some(*id))?;
-        let nats = GOES_OVER_NATS + returns_nats(lost, &place, now.time_s) - trace.motion.log_evidence;
+        let nats = GOES_OVER_NATS + returns_nats(&place, now.time_s) - trace.motion.log_evidence;
         Some(Jump { id, time_s: before.time_s, left: earlier.motion.place(), nats })
     };
     steps
