@@ -191,9 +191,7 @@ impl CaptureFile {
             exif_focal_px: self.exif_focal_px.map(|filmed| filmed / self.size.enlargement()),
         })
     }
-}
 
-impl CaptureFile {
     /// Index in the film of the first frame that is used.
     fn first(&self) -> usize {
         self.reference % self.stride()

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use shell::console::{Console, ProgressStages};
 use shell::files::Outputs;
 
+use crate::memory::MemoryBound;
 use crate::pipeline;
 use crate::project::Project;
 
@@ -29,6 +30,9 @@ pub(crate) struct Export {
     /// The folder to make.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// The `--memory` with which the room was built, if one was given: it decides which frames are used.
+    #[arg(long, value_name = "AMOUNT")]
+    memory: Option<MemoryBound>,
 }
 
 impl Export {
@@ -37,7 +41,8 @@ impl Export {
         Outputs::new([self.out.as_path()])
             .refuse([&self.project, &self.room].into_iter().chain(&captures))?;
         let mut stages: Option<ProgressStages> = None;
-        let done = pipeline::export(&self.project, &self.room, &self.out, &mut |number, of, what| {
+        let memory = self.memory.unwrap_or_default();
+        let done = pipeline::export(&self.project, &self.room, &self.out, memory, &mut |number, of, what| {
             stages.get_or_insert_with(|| console.stages(of)).show(number, what);
         });
         drop(stages);

@@ -10,6 +10,7 @@ mod export;
 mod lock;
 mod options;
 mod output;
+mod posed_capture;
 mod preview;
 mod proposed;
 mod reference_view;

@@ -3,7 +3,8 @@
 //!
 //! While a room is unfinished the files are in `OUT.unfinished`, afterwards in the room's cache ([`scenes::cache`]),
 //! in postcard's format and each keyed by all its inputs: the camera's motion by the program, frames, lens, its options,
-//! seed; the surface ([`surface`]) by these and the options of stereo, planes and fusion.
+//! seed; the surface ([`surface`]) by these and the options of stereo, planes and fusion. The motion in the finished room
+//! ([`super::posed_capture`]) is keyed by the frames alone, for `recon export` by any version of the program.
 
 mod surface;
 
@@ -11,15 +12,15 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use nalgebra::Similarity3;
 use scenes::cache;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::BuildOptions;
 use super::camera::{CameraMotion, ProcessedCapture};
-use super::export::PosedCapture;
+use super::posed_capture::PosedCapture;
 use crate::capture::Capture;
-use nalgebra::Similarity3;
 use surface::CachedCapture;
 
 /// Cache folders of a room's finished stages.
