@@ -49,7 +49,7 @@ chroot "$fresh" dpkg-query --show --showformat '${Installed-Size} KiB installed\
 say "the image, as a user without rights, on a read-only root"
 mkdir "$scratch/office"
 cp -r tests/office/. "$scratch/office.sh" "$scratch/office/"
-# Below the scratch folder the fresh Debian has this machine's /dev: only these two.
+# Not all of the scratch folder: this machine's /dev and /proc are mounted in the fresh Debian below it.
 chmod a+rx "$scratch"
 chmod -R a+rwX "$scratch/office"
 "${engine[@]}" run --rm --ulimit nofile=1024:1024 --ulimit nproc=4096:4096 --read-only --cap-drop=all --security-opt=no-new-privileges \

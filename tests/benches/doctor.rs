@@ -2,7 +2,8 @@
 //! without. Asked: of 40 mix-ups at least 38 told, of 40 clean sets none.
 //!
 //! `cargo build --release --bins && cargo bench -p tests --bench doctor [-- ROOMS [FIRST-SEED]]`: four mix-ups and four clean
-//! sets a room; 10 rooms by default. Bounds were chosen on seeds 1 to 999.
+//! sets a room; 10 rooms by default. The rule for cameras that stand elsewhere was chosen on seeds 1000 to 1003, the other bounds on
+//! seeds below 1000.
 //!
 //! `-- turns`: the office while `cam1` turns at frame 151, about its vertical axis and about a slanted one.
 #![forbid(unsafe_code)]
@@ -15,7 +16,7 @@ use tests::mix_ups::{FilmedRoom, Films, MixUp};
 use tests::turned_camera;
 
 /// First seed where none is given.
-const FIRST_SEED: u64 = 1000;
+const FIRST_SEED: u64 = 1100;
 /// Words of a finding that tells a mix-up as what it is.
 const WORDS: [(MixUp, &[&str]); 4] = [
     (MixUp::Swapped, &["are two films swapped"]),

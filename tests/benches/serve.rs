@@ -61,7 +61,7 @@ fn painted(url: &str) -> Option<(f64, f64)> {
     loop {
         let paint_ms = page.value(paint).as_f64().unwrap_or(-1.0);
         if paint_ms >= 0.0 {
-            // What is loaded afterwards belongs to the page, too.
+            // Files that the page loads after its first answer count, too.
             std::thread::sleep(Duration::from_secs(3));
             let bytes = page.value(
                 "performance.getEntriesByType('navigation').concat(performance.getEntriesByType('resource')

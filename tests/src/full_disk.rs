@@ -1,4 +1,4 @@
-//! What a full disk does to programs: no file may grow beyond some bytes.
+//! Programs on a full disk, simulated by a limit on the size of each file that they write.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -24,7 +24,7 @@ pub fn limited(name: &str, bytes: u64) -> Command {
 pub struct Writer {
     /// Name of the program.
     pub program: &'static str,
-    /// Arguments; ROOM stands for the office's room, and VIDEO for its films.
+    /// Arguments; ROOM stands for the office's room, CAM0 and CAM1 for the options of its films.
     pub arguments: &'static [&'static str],
 }
 
@@ -38,20 +38,7 @@ pub const WRITERS: [Writer; 9] = [
     Writer { program: "tracker", arguments: &["masks", "--video", "a=a", "--out", "out", "--outlines"] },
     Writer {
         program: "tracker",
-        arguments: &[
-            "run",
-            "ROOM",
-            "--video",
-            "cam0=VIDEO/cam0.mp4",
-            "--video",
-            "cam1=VIDEO/cam1.mp4",
-            "--out",
-            "out",
-            "--steps",
-            "10",
-            "--film-width",
-            "320",
-        ],
+        arguments: &["run", "ROOM", "CAM0", "CAM1", "--out", "out", "--steps", "10", "--film-width", "320"],
     },
     Writer { program: "tracker", arguments: &["events", "run", "--room", "ROOM"] },
     Writer { program: "tracker", arguments: &["report", "run", "--room", "ROOM", "--out", "out.html"] },
@@ -68,10 +55,21 @@ pub struct Outcome {
     pub faults: Vec<String>,
 }
 
+/// An argument with the office's paths in place of ROOM, CAM0 and CAM1.
+fn of_the_office(argument: &str) -> String {
+    let film =
+        |camera: &str| format!("--video={camera}={}", office().join(format!("video/{camera}.mp4")).display());
+    match argument {
+        "ROOM" => office().join("room").display().to_string(),
+        "CAM0" => film("cam0"),
+        "CAM1" => film("cam1"),
+        other => other.to_owned(),
+    }
+}
+
 impl Writer {
     fn arguments(&self) -> Vec<String> {
-        let [room, video] = ["room", "video"].map(|name| office().join(name).display().to_string());
-        self.arguments.iter().map(|a| a.replace("ROOM", &room).replace("VIDEO", &video)).collect()
+        self.arguments.iter().map(|argument| of_the_office(argument)).collect()
     }
 
     /// Runs the command on disks of random sizes, in a folder that has its results already.
@@ -123,7 +121,7 @@ fn faults(
     for (name, now) in files(folder) {
         let text = name.to_string_lossy();
         let Some(whole) = expected.get(&name) else {
-            // What was filmed until the disk was full is kept under this name.
+            // The film up to the moment at which the disk was full is kept under this name.
             if !text.contains(".partial.") {
                 faults.push(format!("{text} was left"));
             }
@@ -152,20 +150,7 @@ fn inputs(folder: &Path) -> StepResult<()> {
     }
     let rows = (1..400).fold(String::new(), |rows, frame| rows + &format!("{frame},-1,10,10,30,60,0.9\n"));
     std::fs::write(folder.join("det.txt"), rows).map_err(problem)?;
-    let run = [
-        "run",
-        "ROOM",
-        "--video",
-        "cam0=VIDEO/cam0.mp4",
-        "--video",
-        "cam1=VIDEO/cam1.mp4",
-        "--out",
-        "run",
-        "--steps",
-        "10",
-        "--no-film",
-    ];
-    let [room, video] = ["room", "video"].map(|name| office().join(name).display().to_string());
-    let run = run.map(|a| a.replace("ROOM", &room).replace("VIDEO", &video));
+    let run = ["run", "ROOM", "CAM0", "CAM1", "--out", "run", "--steps", "10", "--no-film"];
+    let run = run.map(of_the_office);
     crate::chain::run(program("tracker").args(run).current_dir(folder)).map(drop)
 }

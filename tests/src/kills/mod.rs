@@ -1,5 +1,5 @@
-//! Programs that are killed (SIGKILL) at random moments: what they leave can be read, and a second run makes the same files
-//! as a run that nobody disturbed, and leaves nothing else.
+//! Programs that are killed (SIGKILL) at random moments: their files can be read, and a second run makes the same files as a run
+//! that nobody disturbed, and no others.
 //!
 //! * [`build()`] — `recon build`; [`run()`] — `tracker run`; [`serve()`] — `tracker serve`.
 //! * [`Outcome`] — what was found.

@@ -1,4 +1,4 @@
-//! What a killed run leaves: every file can be read.
+//! Files of a killed run: whether every one of them can be read.
 
 use std::path::Path;
 

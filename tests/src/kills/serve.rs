@@ -45,10 +45,9 @@ pub fn serve(kills: usize, seed: u64) -> StepResult<Outcome> {
         if let Some(worker) = worker.filter(|_| is_of_worker) {
             signal("KILL", worker)?;
         } else {
-            let workers = worker;
             child.kill().and_then(|()| child.wait()).map_err(|e| e.to_string())?;
             // Its worker ends with it.
-            outcome.add(&place_of(kill, after), workers.and_then(still_there));
+            outcome.add(&place_of(kill, after), worker.and_then(still_there));
             child = service()?;
         }
         outcome.killed += 1;

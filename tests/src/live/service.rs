@@ -213,7 +213,7 @@ fn findings(length_s: f64, broker_away_s: f64, seed: u64) -> StepResult<Findings
     };
     findings.crashes.extend(log.iter().filter(is_crash).cloned());
     findings.crashes.extend(ended.err());
-    // What the files have must have come, each line at least as often as it stands there.
+    // Every line of the event files must have been published, at least as often as it is in them.
     let mut written: BTreeMap<(String, String), usize> = BTreeMap::new();
     for (name, content) in files(&folder.join("out")) {
         let text = String::from_utf8_lossy(&content);

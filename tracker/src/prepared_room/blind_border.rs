@@ -1,7 +1,7 @@
 //! Borders of a picture that the sensor does not fill: digitised analogue cameras have black columns at the left and right.
 //!
-//! Such a border shows no background, but nothing at all: nobody can be missed there. It is left out of the simulation as what
-//! lies outside the lens is.
+//! Such a border shows nothing at all, so it says nothing about people: a person who would stand there is not missed. It is left
+//! out of the simulation, like the pixels of the pinhole twin that lie outside the lens.
 
 use image::{GrayImage, Luma, RgbImage};
 
@@ -146,7 +146,7 @@ mod tests {
                     camera.pinhole.intrinsics.unproject(&Point2::new(f64::from(x), f64::from(y))).unwrap();
                 let u =
                     camera.real.intrinsics.project(&Point3::from(ray)).map_or(f64::NAN, |filmed| filmed.x);
-                // What is within a pixel of the border's edge may count as either.
+                // A pixel within one of the border's edge may be left out or not.
                 if (0.0..3.5).contains(&u) || (197.5..199.0).contains(&u) {
                     assert!(*z_m <= 0.0, "{x}, {y}: filmed at {u}");
                     outside += 1;

@@ -101,8 +101,8 @@ enum Kind {
     Met,
     /// The first, who was lost, is found again as the second, whose name is given up.
     Found,
-    /// The track of the second went over to the first, who was lost; the second is lost since this time and place.
-    Jumped(f64, Vector2<f64>),
+    /// The track of the second went over to the first, who was lost; the second is lost since then, at this place (metres).
+    GoneOver(Vector2<f64>),
 }
 
 /// Sizes that each name showed in the held moments: after each of them until now.
@@ -221,21 +221,22 @@ impl Encounters {
                 Some(weighed(lost.time_s, [lost.id, *id], room(lost, &place, time_s), Kind::Found))
             })
         });
-        let jumped = self.lost.iter().flat_map(|lost| {
+        let gone_over = self.lost.iter().flat_map(|lost| {
             let returns = |place: &Vector2<f64>, time_s: f64| room(lost, place, time_s);
             let jumps = jumps_to(moments, (lost.time_s, &lost.place), &returns).into_iter();
             let known = jumps.filter(|jump| jump.id != lost.id && self.tracked.contains_key(&jump.id));
             known.filter_map(|jump| {
                 let (time_s, ids) = (jump.time_s, [lost.id, jump.id]);
-                // A track that is not its own person's may be a third one's.
+                // Boxes that do not fit the track's own person may show a third one: they have to fit the lost person
+                // better than a stranger.
                 let shown = since.after(jump.id, time_s);
                 let of_anybody = shown.log_density(&LearntSize::default(), options);
                 let is_likely = shown.log_density(&lost.learnt.size, options) > of_anybody;
-                let kind = Kind::Jumped(time_s, jump.left);
+                let kind = Kind::GoneOver(jump.left);
                 is_likely.then(|| weighed(time_s, ids, jump.nats, kind))
             })
         });
-        let all = met.chain(found.collect::<Vec<_>>()).chain(jumped.collect::<Vec<_>>());
+        let all = met.chain(found.collect::<Vec<_>>()).chain(gone_over.collect::<Vec<_>>());
         let clear = all.filter(|(gain, _)| *gain > CLEARLY_NATS);
         clear.max_by(|one, other| one.0.total_cmp(&other.0)).map(|(_, renaming)| renaming)
     }
@@ -257,9 +258,9 @@ impl Encounters {
         match *kind {
             Kind::Met => {}
             Kind::Found => self.lost.retain(|lost| lost.id != a),
-            Kind::Jumped(left_s, left) => {
+            Kind::GoneOver(left) => {
                 for lost in self.lost.iter_mut().filter(|lost| lost.id == a) {
-                    (lost.time_s, lost.place) = (left_s, left);
+                    (lost.time_s, lost.place) = (*time_s, left);
                 }
             }
         }

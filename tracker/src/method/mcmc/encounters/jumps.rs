@@ -17,8 +17,8 @@ use super::super::smoother::LaggedMoment;
 use super::super::trace::Trace;
 use crate::TrackId;
 
-/// Log probability that a track goes over to somebody else in one moment, nats. Chosen on generated crowds of 10 and 15 people:
-/// more of it, and tracks are cut whose sizes were measured badly.
+/// Log probability that a track goes over to somebody else in one moment, nats. Chosen on eight generated crowds of 15 people,
+/// where −7 gave IDF1 57.2 and −12 gave 59.2; crowds of 10 did not tell them apart.
 const GOES_OVER_NATS: f64 = -12.0;
 /// Longest time for which a person was lost before, seconds.
 const LOST_FOR_S: f64 = 5.0;

@@ -221,7 +221,9 @@ fn a_track_that_goes_over_to_a_lost_person_leaves_its_own_behind() {
     let ids: Vec<[TrackId; 2]> = renamings.iter().map(|renaming| renaming.ids).collect();
     assert_eq!(ids, [[tall, small], [small, new]]);
     let left = Vector2::new(1.0 + 0.05 * 26.0, 3.0);
-    let Kind::Jumped(time_s, place) = renamings[0].kind else { panic!("{:?}", renamings[0].kind) };
+    let (time_s, Kind::GoneOver(place)) = (renamings[0].time_s, renamings[0].kind) else {
+        panic!("{:?}", renamings[0].kind)
+    };
     assert!((time_s - 26.0 * STEP_S).abs() < 1e-9 && (place - left).norm() < 0.1, "{time_s} {place}");
     assert_eq!(renamings[1].kind, Kind::Found);
     // Nobody goes over to somebody who cannot have been there.
