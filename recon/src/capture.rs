@@ -19,7 +19,8 @@ const MIN_FRAMES: usize = 3;
 /// the view of the room changes little from one to the next.
 const MOST_FRAMES: usize = 120;
 
-/// Horizontal fields of view from which the estimation of an unknown lens starts, degrees: the likeliest first.
+/// Horizontal fields of view from which the estimation of an unknown lens starts, degrees: the likeliest first. On generated
+/// films of 25 to 118°, straight and bent, the first one alone finds the same lens: no film is known that needs the others.
 pub const ASSUMED_FOV_DEG: [f64; 4] = [60.0, 42.0, 82.0, 106.0];
 
 /// Choice of the frame at the installed pose.

@@ -184,7 +184,10 @@ impl Mcmc {
                 let (left, right) = self.tracks.split_at_mut(a.max(b));
                 left[a.min(b)].exchange_names(&mut right[0]);
                 if self.observes_boxes_alone() {
-                    self.smoother.exchange_names([self.tracks[a].key, self.tracks[b].key]);
+                    let keys = [self.tracks[a].key, self.tracks[b].key];
+                    if let Some(exchanged_s) = self.smoother.exchange_names(keys) {
+                        self.encounters.carried_out(keys, exchanged_s);
+                    }
                 }
             }
         }

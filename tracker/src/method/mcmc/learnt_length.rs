@@ -65,6 +65,14 @@ impl LearntLength {
         (self.weight > 0.0).then(|| Spread { mean_m: self.sum / self.weight, sigma_m: sigma_m() })
     }
 
+    /// Log density of all lengths of the sum, of one person whose length has this prior, nats, up to the part that each length
+    /// has by itself.
+    pub(super) fn log_marginal(&self, prior: &Spread) -> f64 {
+        let prior_weight = prior.sigma_m.powi(-2);
+        let (weight, beyond) = (self.weight + prior_weight, self.sum - self.weight * prior.mean_m);
+        0.5 * (beyond.powi(2) / weight - (weight / prior_weight).ln())
+    }
+
     /// Log density that these are lengths of the person of whom `before` was learnt; `prior` is that of all people.
     pub(super) fn log_density(&self, length: Length, before: &Self, prior: &Spread) -> f64 {
         let Some(seen) = self.average(length) else { return 0.0 };
@@ -99,6 +107,27 @@ mod tests {
         assert_relative_eq!(left.weight, before.weight, max_relative = 1e-9);
         assert_relative_eq!(left.sum, before.sum, max_relative = 1e-9);
         assert_eq!(since.without(&since), LearntLength::default());
+    }
+
+    /// Integral over the length by the midpoint rule.
+    #[test]
+    fn the_marginal_density_is_the_integral_over_the_length() {
+        let nats = |heights_m: &[f64]| {
+            let weight = (0.03_f64.powi(2) + Length::Height.pose_sigma_m().powi(2)).recip();
+            let density = |length_m: f64| {
+                let seen: f64 = heights_m
+                    .iter()
+                    .map(|h| -0.5 * weight * ((h - length_m).powi(2) - (h - PRIOR.mean_m).powi(2)))
+                    .sum();
+                (seen + PRIOR.log_density(length_m)).exp()
+            };
+            let step_m = 1e-4;
+            let lengths = (0..20_000).map(|i| PRIOR.mean_m - 1.0 + (f64::from(i) + 0.5) * step_m);
+            (lengths.map(density).sum::<f64>() * step_m).ln()
+        };
+        for heights_m in [&[1.75, 1.72, 1.80][..], &[1.5], &[1.7; 30], &[]] {
+            assert_relative_eq!(of(heights_m).log_marginal(&PRIOR), nats(heights_m), epsilon = 1e-6);
+        }
     }
 
     #[test]

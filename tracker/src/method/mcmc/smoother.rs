@@ -16,8 +16,8 @@ use super::person::Key;
 use super::reassociation::WINDOW_S;
 use super::trace::Trace;
 use super::traits::LearntTraits;
+use crate::PersonEstimate;
 use crate::identity::mean_vector::MeanVector;
-use crate::{PersonEstimate, TrackId};
 
 /// Fixed-lag smoother over the latest moments, oldest first.
 #[derive(Debug, Clone, Default)]
@@ -73,8 +73,8 @@ impl FixedLagSmoother {
     }
 
     /// Exchanges the names of two tracks, which belong to each other's people since they were nearest to each other, from
-    /// then on.
-    pub(super) fn exchange_names(&mut self, keys: [Key; 2]) {
+    /// then on. Returns the time of that moment, seconds; `None` where the two are not both held.
+    pub(super) fn exchange_names(&mut self, keys: [Key; 2]) -> Option<f64> {
         let both = |moment: &LaggedMoment| -> Option<[usize; 2]> {
             let of = |key: Key| moment.people.iter().position(|p| p.key == key && p.id.is_some());
             Some([of(keys[0])?, of(keys[1])?])
@@ -92,19 +92,8 @@ impl FixedLagSmoother {
             std::mem::swap(&mut one.id, &mut other.id);
             std::mem::swap(&mut one.learnt, &mut other.learnt);
         }
-    }
-
-    /// Exchanges two names in all held moments after a time.
-    pub(super) fn exchange_names_since(&mut self, [a, b]: [TrackId; 2], from_s: f64) {
-        for moment in self.moments.iter_mut().rev().take_while(|moment| moment.time_s > from_s) {
-            for id in moment.people.iter_mut().filter_map(|trace| trace.id.as_mut()) {
-                match *id {
-                    id_of_a if id_of_a == a => *id = b,
-                    id_of_b if id_of_b == b => *id = a,
-                    _ => {}
-                }
-            }
-        }
+        let back = (!found.is_empty()).then_some(nearest)?;
+        Some(self.moments[self.moments.len() - 1 - back].time_s)
     }
 
     /// Tracks of the latest moment.
@@ -176,6 +165,8 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
     use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
+
+    use crate::TrackId;
 
     const LAG_S: f64 = 10.0;
 

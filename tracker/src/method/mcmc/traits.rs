@@ -46,6 +46,11 @@ impl LearntSize {
         Self { height: self.height.without(&part.height), radius: self.radius.without(&part.radius) }
     }
 
+    /// Log density of all lengths shown, of one person of unknown size, nats, up to a constant of the single lengths.
+    pub(super) fn log_marginal(&self, options: &McmcOptions) -> f64 {
+        self.height.log_marginal(&options.height) + self.radius.log_marginal(&options.radius)
+    }
+
     /// Log density that this is the size of the person of whom `before` was learnt, among all people.
     pub(super) fn log_density(&self, before: &Self, options: &McmcOptions) -> f64 {
         self.height.log_density(Length::Height, &before.height, &options.height)

@@ -1,46 +1,66 @@
+use std::collections::BTreeSet;
+
 use nalgebra::{Matrix2, Vector2};
+use rand::RngExt;
 
 use super::super::motion::{Measurement, Motion};
 use super::super::options::Spread;
 use super::super::smoother::FixedLagSmoother;
-use super::super::traits::ShownTraits;
+use super::super::trace::Trace;
+use super::super::traits::{LearntTraits, ShownTraits};
+use super::window::Sums;
 use super::*;
 
 const STEP_S: f64 = 0.25;
 /// Standard deviation of the heights that one moment shows, metres, and that of its places.
 const HEIGHT_SIGMA_M: f64 = 0.04;
 const PLACE_SIGMA_M: f64 = 0.05;
-/// Moment at which two people meet.
+/// Moment at which people meet.
 const MEET: usize = 24;
 
-/// A track at one moment: key, name, place and the height of the person whom it follows, metres.
-type Followed = (Key, u32, Vector2<f64>, f64);
+/// A track at one moment: key, place and the height of the person whom it follows, metres. Its first name is its key.
+type Followed = (Key, Vector2<f64>, f64);
 
-/// Held moments with what was learnt of each name, as the tracker has them.
-#[derive(Default)]
+/// Held moments, and the encounters in them.
 struct Held {
     smoother: FixedLagSmoother,
     motions: BTreeMap<Key, Motion>,
-    learnt: BTreeMap<TrackId, LearntTraits>,
     encounters: Encounters,
+    /// Name of each track now.
+    names: BTreeMap<Key, TrackId>,
     moments: usize,
+    /// Log odds by time and place that a lost person comes back.
+    returns_nats: f64,
 }
 
 impl Held {
-    /// Adds a moment with these tracks.
-    fn add(&mut self, tracks: &[Followed]) {
+    fn new(returns_nats: f64) -> Self {
+        Self {
+            smoother: FixedLagSmoother::default(),
+            motions: BTreeMap::new(),
+            encounters: Encounters::new(1),
+            names: BTreeMap::new(),
+            moments: 0,
+            returns_nats,
+        }
+    }
+
+    /// Adds a moment with these tracks, and weighs the encounters. Whether a name changed.
+    fn add(&mut self, tracks: &[Followed]) -> bool {
         let options = McmcOptions::of_boxes();
         let covariance = Matrix2::identity() * PLACE_SIGMA_M.powi(2);
-        let trace = |(key, name, place, height_m): &Followed| {
+        let mut traces: Vec<Trace> = Vec::new();
+        for (key, place, height_m) in tracks {
             let measured = Measurement { place: *place, covariance };
             let motion = match self.motions.get(key) {
                 Some(before) => before.continued(STEP_S, true, Some(&measured), &options.motion),
                 None => Motion::appeared(*place, &covariance, &options.motion),
             };
+            self.motions.insert(*key, motion.clone());
             let height = Some(Spread { mean_m: *height_m, sigma_m: HEIGHT_SIGMA_M });
-            Trace {
+            traces.push(Trace {
                 key: *key,
-                id: Some(TrackId(*name)),
+                id: Some(*self.names.entry(*key).or_insert(TrackId(*key as u32))),
                 motion,
                 radius_m: 0.25,
                 height_m: 1.7,
@@ -48,184 +68,198 @@ impl Held {
                 visible: vec![1.0],
                 shown: ShownTraits { height, ..ShownTraits::default() },
                 learnt: LearntTraits::default(),
-            }
-        };
-        let traces: Vec<Trace> = tracks.iter().map(trace).collect();
-        for trace in &traces {
-            self.motions.insert(trace.key, trace.motion.clone());
-            self.learnt.entry(TrackId(name_of(trace))).or_default().add(&trace.shown);
+            });
         }
-        let tracked = traces.iter().map(|trace| TrackId(name_of(trace)));
-        let tracked = tracked.map(|id| (id, self.learnt[&id].clone())).collect();
-        self.smoother.push((self.moments as u32, self.now_s()), REMEMBERED_S, traces, true);
-        self.encounters.remember(&self.smoother.moments, tracked, &options);
+        let now_s = self.moments as f64 * STEP_S;
+        self.smoother.push((self.moments as u32, now_s), REMEMBERED_S, traces, true);
         self.moments += 1;
+        let (encounters, moments) = (&mut self.encounters, &mut self.smoother.moments);
+        encounters.observe_names(moments);
+        encounters.settle(moments, now_s - UNDECIDED_S);
+        encounters.search(moments, &options, &|_, _| self.returns_nats);
+        let renamed = encounters.weigh(moments, &options);
+        if let Some(renamed) = &renamed {
+            self.names = renamed.names.clone();
+        }
+        renamed.is_some()
     }
 
-    fn now_s(&self) -> f64 {
-        self.moments as f64 * STEP_S
-    }
-
-    /// The clearest exchange, where a lost person comes back with these log odds by place and time.
-    fn clearest(&self, returns_nats: f64) -> Option<Renaming> {
-        let room = |_: &Lost, _: &Vector2<f64>, _: f64| returns_nats;
-        self.encounters.clearest(&self.smoother.moments, &room, &McmcOptions::of_boxes())
+    /// Name and shown height of each track in a held moment.
+    fn shown(&self, moment: usize) -> Vec<(u32, f64)> {
+        let at =
+            self.smoother.moments.iter().find(|held| (held.time_s - moment as f64 * STEP_S).abs() < 1e-9);
+        let people = at.iter().flat_map(|held| &held.people);
+        people.map(|trace| (trace.id.unwrap().0, trace.shown.height.unwrap().mean_m)).collect()
     }
 }
 
-fn name_of(trace: &Trace) -> u32 {
-    trace.id.unwrap().0
+/// People who walk to one place from all sides, stand together for a second, and walk back; from then on each track has the person
+/// of the next one.
+fn meeting(moment: usize, heights_m: &[f64]) -> Vec<Followed> {
+    let away_m = 0.05 + ((moment as f64 - MEET as f64).abs() - 2.0).max(0.0) * 0.1;
+    let count = heights_m.len();
+    let place = |person: usize| {
+        let angle = std::f64::consts::TAU * person as f64 / count as f64;
+        Vector2::new(3.0, 2.0) + away_m * Vector2::new(angle.cos(), angle.sin())
+    };
+    let person = |track: usize| if moment < MEET { track } else { (track + 1) % count };
+    (0..count).map(|track| (track as Key, place(person(track)), heights_m[person(track)])).collect()
 }
 
-/// Two people who walk towards each other, stand together for a second, and walk back; from then on the tracks have each
-/// other's person.
-fn meeting(moment: usize, heights_m: [f64; 2]) -> [Followed; 2] {
-    let away_m = ((moment as f64 - MEET as f64).abs() - 2.0).max(0.0) * 0.1;
-    let places = [Vector2::new(3.0 - away_m, 2.05), Vector2::new(3.0 + away_m, 1.95)];
-    let person = |track: usize| if moment < MEET { track } else { 1 - track };
-    [0, 1].map(|i| (i as Key, i as u32 + 1, places[person(i)], heights_m[person(i)]))
-}
-
-/// First moment after the meeting at which it is decided, with the exchange.
-fn decision(heights_m: [f64; 2]) -> Option<(usize, Renaming, Held)> {
-    let mut held = Held::default();
-    for moment in 0..MEET + 60 {
+/// First moment after the meeting at which a name changes, with what is held a second later.
+fn decision(heights_m: &[f64]) -> Option<(usize, Held)> {
+    let mut held = Held::new(0.0);
+    let decided = (0..MEET + 40).find(|moment| held.add(&meeting(*moment, heights_m)))?;
+    for moment in decided + 1..decided + 5 {
         held.add(&meeting(moment, heights_m));
-        if let Some(renaming) = held.clearest(0.0) {
-            return Some((moment - MEET, renaming, held));
+    }
+    Some((decided - MEET, held))
+}
+
+/// The names follow the heights, but for a second around the meeting.
+fn assert_names_follow(held: &Held, heights_m: &[f64]) {
+    for moment in (0..held.moments).filter(|moment| moment.abs_diff(MEET) > 4) {
+        for (name, height_m) in held.shown(moment) {
+            assert!(
+                (height_m - heights_m[name as usize]).abs() < 1e-9,
+                "moment {moment}: {name} has {height_m} m"
+            );
         }
     }
-    None
 }
 
 #[test]
-fn people_who_stood_together_get_their_ids_back_when_their_sizes_are_clear() {
-    let (after, renaming, mut held) = decision([1.74, 1.68]).unwrap();
-    assert!((4..40).contains(&after), "{after} moments");
-    assert!((renaming.time_s - MEET as f64 * STEP_S).abs() < 1.0, "{}", renaming.time_s);
-    // The names follow the heights again, before and after.
-    held.smoother.exchange_names_since(renaming.ids, renaming.time_s);
-    held.encounters.exchange(&renaming);
-    for moment in &held.smoother.moments {
-        for trace in moment.people.iter().filter(|_| (moment.time_s - renaming.time_s).abs() > 1.0) {
-            let height_m = trace.shown.height.unwrap().mean_m;
-            assert_eq!(name_of(trace), if height_m > 1.71 { 1 } else { 2 }, "{} s", moment.time_s);
-        }
-    }
-    // The tracker exchanges the learnt sizes with the names.
-    for (id, size) in renaming.ids.iter().zip(renaming.sizes) {
-        held.encounters.tracked.get_mut(id).unwrap().size = size;
-    }
-    assert!(held.clearest(0.0).is_none(), "only one of both can be right");
+fn people_who_stood_together_get_their_names_back_when_their_sizes_are_clear() {
+    let heights_m = [1.78, 1.68];
+    let (after, held) = decision(&heights_m).unwrap();
+    assert!((4..36).contains(&after), "{after} moments");
+    assert_names_follow(&held, &heights_m);
 }
 
 #[test]
-fn clear_sizes_are_decided_sooner_and_equal_ones_never() {
-    let [clear, less] = [[1.80, 1.62], [1.72, 1.70]].map(decision).map(|of| of.map(|(after, ..)| after));
+fn three_names_that_went_round_in_a_circle_are_given_back() {
+    let heights_m = [1.80, 1.70, 1.60];
+    let (_, held) = decision(&heights_m).unwrap();
+    assert_names_follow(&held, &heights_m);
+}
+
+#[test]
+fn people_of_equal_sizes_keep_their_names() {
+    assert!(decision(&[1.7, 1.7]).is_none());
+}
+
+#[test]
+fn clear_sizes_are_decided_no_later() {
+    let [clear, less] = [[1.82, 1.60], [1.74, 1.68]].map(|heights_m| decision(&heights_m).map(|of| of.0));
     assert!(
-        clear.is_some_and(|clear| less.is_none_or(|less| clear < less)),
+        clear.is_some_and(|clear| less.is_none_or(|less| clear <= less)),
         "{clear:?} and {less:?} moments"
     );
-    assert!(decision([1.7, 1.7]).is_none());
 }
 
-/// The exchange by which somebody whose track ended in the middle of the room is the one who appears there, if any.
-fn found_again(heights_m: [f64; 2], gap: usize, returns_nats: f64) -> Option<Renaming> {
-    let mut held = Held::default();
-    let other = (9, 9, Vector2::new(8.0, 8.0), 1.7);
+/// Somebody whose track ended in the middle of the room, and one who appears there after a gap: the second one's name in the end.
+fn found_again(heights_m: [f64; 2], gap: usize, returns_nats: f64) -> u32 {
+    let mut held = Held::new(returns_nats);
+    let other = (9, Vector2::new(8.0, 8.0), 1.7);
     for moment in 0..50 + gap {
         let place = Vector2::new(1.0 + 0.1 * moment as f64, 2.0);
         let person = match moment {
-            0..30 => Some((1, 1, place, heights_m[0])),
+            0..30 => Some((1, place, heights_m[0])),
             _ if moment < 30 + gap => None,
-            _ => Some((2, 2, place, heights_m[1])),
+            _ => Some((2, place, heights_m[1])),
         };
         held.add(&[Some(other), person].into_iter().flatten().collect::<Vec<_>>());
     }
-    held.clearest(returns_nats)
+    held.names[&2].0
 }
 
 #[test]
-fn a_new_track_with_the_size_of_a_lost_person_gets_the_old_id() {
-    let renaming = found_again([1.8, 1.8], 4, 0.0).unwrap();
-    assert_eq!((renaming.ids, renaming.kind), ([TrackId(1), TrackId(2)], Kind::Found));
-    assert!((renaming.time_s - 29.0 * STEP_S).abs() < 1e-9);
-    assert!(found_again([1.8, 1.65], 4, 0.0).is_none(), "another person");
-    assert!(found_again([1.8, 1.8], 4, -20.0).is_none(), "too far away");
-    // Longer ago than encounters are remembered.
-    assert!(found_again([1.8, 1.8], 90, 0.0).is_none());
+fn a_new_track_with_the_size_of_a_lost_person_gets_the_old_name() {
+    assert_eq!(found_again([1.8, 1.8], 4, 0.0), 1);
+    assert_eq!(found_again([1.8, 1.65], 4, 0.0), 2, "another person");
+    assert_eq!(found_again([1.8, 1.8], 4, -20.0), 2, "too far away");
+    assert_eq!(found_again([1.8, 1.8], 90, 0.0), 2, "longer ago than encounters are remembered");
 }
 
+/// Six people of random heights who cross a small floor; tracks exchange their people at random, end, and begin.
 #[test]
-fn exchanged_names_are_those_of_later_encounters_too() {
-    let [a, b, c] = [1, 2, 3].map(TrackId);
-    let met = |time_s: f64, ids: [TrackId; 2]| Encounter { time_s, ids, place_nats: 0.0 };
-    let mut encounters = Encounters {
-        met: vec![met(1.0, [a, c]), met(2.0, [a, b]), met(3.0, [a, c]), met(3.0, [b, c])],
-        ..Encounters::default()
-    };
-    encounters.exchange(&Renaming { time_s: 2.0, ids: [a, b], sizes: <[_; 2]>::default(), kind: Kind::Met });
-    let ids: Vec<[TrackId; 2]> = encounters.met.iter().map(|met| met.ids).collect();
-    assert_eq!(ids, [[a, c], [b, c], [a, c]]);
-}
-
-/// Exchanges, one after the other, after a tall person was lost at the twentieth moment and the track of a smaller one, two metres
-/// away, took them seven moments later; the smaller one is followed anew two moments after that. The lost person comes back with
-/// these log odds by place and time.
-fn gone_over(heights_m: [f64; 2], returns_nats: f64) -> Vec<Renaming> {
-    let mut held = Held::default();
-    for moment in 0..60 {
-        let along_m = 1.0 + 0.05 * moment as f64;
-        let [tall, small] = [2.0, 3.0].map(|y_m| Vector2::new(along_m, y_m));
-        let mut tracks: Vec<Followed> = Vec::new();
-        if moment < 20 {
-            tracks.push((1, 1, tall, heights_m[0]));
-        }
-        if moment < 27 {
-            tracks.push((2, 2, small, heights_m[1]));
-        } else {
-            tracks.push((2, 2, tall, heights_m[0]));
-        }
-        if moment >= 29 {
-            tracks.push((3, 3, small, heights_m[1]));
-        }
-        held.add(&tracks);
-    }
-    let mut renamings = Vec::new();
-    while let Some(renaming) = held.clearest(returns_nats).filter(|_| renamings.len() < 5) {
-        held.smoother.exchange_names_since(renaming.ids, renaming.time_s);
-        held.encounters.exchange(&renaming);
-        for (id, size) in renaming.ids.iter().zip(renaming.sizes) {
-            if let Some(traits) = held.encounters.tracked.get_mut(id) {
-                traits.size = size;
+fn nobody_ever_has_the_name_of_another() {
+    for seed in 0..4 {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let heights_m: Vec<f64> = (0..6).map(|_| rng.random_range(1.55..1.9)).collect();
+        let mut keys: Vec<Key> = (0..6).collect();
+        let mut held = Held::new(0.0);
+        let mut renamed = 0;
+        for moment in 0..120 {
+            if moment % 7 == 3 {
+                let (a, b) = (rng.random_range(0..6), rng.random_range(0..6));
+                keys.swap(a, b);
+            }
+            if moment % 31 == 30 {
+                let lost = rng.random_range(0..6);
+                keys[lost] = 6 + moment as Key;
+            }
+            let place = |person: usize| {
+                let angle = moment as f64 * (0.1 + 0.03 * person as f64);
+                Vector2::new(2.0 + 0.5 * angle.sin(), 2.0 + 0.5 * (1.3 * angle).cos())
+            };
+            let tracks: Vec<Followed> = (0..6).map(|i| (keys[i], place(i), heights_m[i])).collect();
+            renamed += usize::from(held.add(&tracks));
+            for held_moment in &held.smoother.moments {
+                let names: BTreeSet<u32> =
+                    held_moment.people.iter().map(|trace| trace.id.unwrap().0).collect();
+                assert_eq!(names.len(), 6, "seed {seed}, moment {moment}: {names:?}");
             }
         }
-        // Names that nobody has any more are not tracked.
-        let last = held.smoother.moments.back().unwrap();
-        let learnt = |trace: &Trace| {
-            let size = renaming.ids.iter().position(|id| Some(*id) == trace.id).map(|i| renaming.sizes[i]);
-            let mut traits = held.encounters.tracked.get(&trace.id.unwrap()).cloned().unwrap_or_default();
-            traits.size = size.unwrap_or(traits.size);
-            (trace.id.unwrap(), traits)
-        };
-        held.encounters.tracked = last.people.iter().map(learnt).collect();
-        renamings.push(renaming);
+        assert!(renamed > 3, "{renamed}");
     }
-    renamings
 }
 
+/// All sets of exchanges, one after the other.
 #[test]
-fn a_track_that_goes_over_to_a_lost_person_leaves_its_own_behind() {
-    let [tall, small, new] = [1, 2, 3].map(TrackId);
-    let renamings = gone_over([1.85, 1.62], 0.0);
-    let ids: Vec<[TrackId; 2]> = renamings.iter().map(|renaming| renaming.ids).collect();
-    assert_eq!(ids, [[tall, small], [small, new]]);
-    let left = Vector2::new(1.0 + 0.05 * 26.0, 3.0);
-    let (time_s, Kind::GoneOver(place)) = (renamings[0].time_s, renamings[0].kind) else {
-        panic!("{:?}", renamings[0].kind)
-    };
-    assert!((time_s - 26.0 * STEP_S).abs() < 1e-9 && (place - left).norm() < 0.1, "{time_s} {place}");
-    assert_eq!(renamings[1].kind, Kind::Found);
-    // Nobody goes over to somebody who cannot have been there.
-    assert!(gone_over([1.85, 1.62], -1000.0).is_empty());
+fn annealing_mostly_finds_the_most_probable_of_all_sets_of_exchanges() {
+    let options = McmcOptions::of_boxes();
+    let (mut best_found, mut changed) = (0, 0);
+    for seed in 0..12 {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let heights_m: Vec<f64> = (0..5).map(|_| rng.random_range(1.64..1.76)).collect();
+        let mut held = Held::new(0.0);
+        // Nobody meets: the encounters are made up.
+        let mut keys: Vec<Key> = (0..5).collect();
+        for moment in 0..36 {
+            if moment % 9 == 8 {
+                keys.rotate_left(rng.random_range(0..3));
+            }
+            let tracks: Vec<Followed> =
+                (0..5).map(|i| (keys[i], Vector2::new(i as f64 * 4.0, 0.0), heights_m[i])).collect();
+            held.add(&tracks);
+        }
+        for _ in 0..11 {
+            let a: Key = rng.random_range(0..5);
+            let keys = [a, (a + rng.random_range(1..5)) % 5];
+            let (time_s, place_nats) = (rng.random_range(1.0..8.0), rng.random_range(-6.0..3.0));
+            held.encounters.insert(Encounter { time_s, keys, place_nats, is_exchange: false });
+        }
+        held.encounters.settled_s = f64::NEG_INFINITY;
+        held.encounters.settled.clear();
+        let window = Window::new(&held.smoother.moments, &held.encounters, &options);
+        let list = &held.encounters.list;
+        let mut sums = Sums::default();
+        let mut nats = |exchanges: &[bool]| {
+            let places: f64 = list
+                .iter()
+                .zip(exchanges)
+                .filter(|(_, is_exchange)| **is_exchange)
+                .map(|(encounter, _)| encounter.place_nats - EXCHANGE_NATS)
+                .sum();
+            places + window.log_density(exchanges, &mut sums)
+        };
+        let sets = (0..1_usize << list.len()).map(|set| (0..list.len()).map(|i| set >> i & 1 == 1).collect());
+        let best = sets.map(|set: Vec<bool>| nats(&set)).fold(f64::NEG_INFINITY, f64::max);
+        let found = annealing::most_probable(&window, list, &mut rng);
+        assert!(nats(&found) > best - 3.0, "seed {seed}: {} of {best} nats", nats(&found));
+        best_found += usize::from(nats(&found) > best - 1e-6);
+        changed += usize::from(found.contains(&true));
+    }
+    assert!(best_found >= 9 && changed > 6, "{best_found} and {changed} of 12");
 }
