@@ -22,6 +22,7 @@ mod masks;
 mod outputs;
 mod publish;
 mod report;
+mod room_service;
 mod run;
 mod run_arguments;
 mod sampler;

@@ -12,8 +12,7 @@ use std::collections::VecDeque;
 
 use nalgebra::Vector2;
 
-use super::super::reassociation::WINDOW_S;
-use super::super::smoother::LaggedMoment;
+use super::super::smoother::{LaggedMoment, WINDOW_S};
 use super::super::trace::Trace;
 use crate::TrackId;
 
