@@ -2,6 +2,7 @@
 // binds the page's parts together: loading, saving, keys, and the line that says how things stand.
 
 import { Cameras } from "/cameras.js";
+import { DrawnScene } from "/drawn_scene.js";
 import { Drawing } from "/drawing.js";
 import { arrow, crosses, distance, snapped } from "/geometry.js";
 import { KINDS, LAYERS, RULER, kindOf } from "/kinds.js";
@@ -10,6 +11,7 @@ import { Numbers } from "/numbers.js";
 import { Plan } from "/plan.js";
 import { Latest, ask } from "/server.js";
 import { isCoarse } from "/shapes.js";
+import { Space } from "/space.js";
 
 const byId = (id) => document.getElementById(id);
 const HINTS = isCoarse ? {
@@ -35,8 +37,10 @@ const fail = (error) => say(error.message, "wrong");
 const plan = new Plan(byId("plan"), drawing, { finish, hover });
 const cameras = new Cameras(byId("cameras"), drawing, { look, place, leave: () => hover(null), add, finish, later });
 const drawButtons = [...document.querySelectorAll("[data-draw]")];
+const scene = new DrawnScene(drawing);
+let space = null; // when it is opened for the first time
+let room = null;
 let version = null;
-let hasGeometry = false;
 
 // Lines of one kind follow each other; the last answer of a kind that was asked for is the one that stays.
 const outlines = new Latest("/outlines", (reply, items) => cameras.show(reply, items), fail);
@@ -44,6 +48,7 @@ const places = new Latest("/place", ({ floor, cameras: pixels }, use) => {
   if (!isHovered) return;
   showPlace(floor);
   plan.mark(floor);
+  markInSpace(floor);
   cameras.mark(pixels);
   use?.(floor);
 }, fail);
@@ -79,8 +84,14 @@ function hover(floor) {
     places.ask({ floor });
   } else {
     plan.mark(null);
+    markInSpace(null);
     cameras.mark([]);
   }
+}
+
+function markInSpace(floor) {
+  scene.place = floor;
+  space?.redraw();
 }
 
 // A pixel is pointed at, in a camera.
@@ -117,7 +128,7 @@ async function finish() {
   if (!draft || draft.type === "measure") return;
   const { word, isClosed, least } = kindOf(draft.type);
   if (crosses(draft.corners, isClosed)) return say("The outline crosses itself: remove the last corner with Delete.", "warn");
-  const isFirstFloor = draft.type === "floor" && drawing.ofType("floor").length === 0 && hasGeometry;
+  const isFirstFloor = draft.type === "floor" && drawing.ofType("floor").length === 0 && room.has_geometry;
   const item = drawing.finish();
   if (!item) return say(`A ${word} needs at least ${least} ${isClosed ? "corners" : "points"}.`, "warn");
   if (isFirstFloor) say("From now on people can stand on what is drawn alone, no longer on what follows from the geometry.");
@@ -134,18 +145,35 @@ function begin(type) {
 
 async function load() {
   try {
-    const room = await ask("GET", "/room.json");
+    room = await ask("GET", "/room.json");
     version = room.version;
-    hasGeometry = room.has_geometry;
     byId("room").textContent = room.name;
     document.title = `Floor of ${room.name}`;
     plan.load(room.plan, version);
     cameras.load(room.cameras, version);
     drawing.load(room.drawing, room.walls);
     say("");
+    await loadSpace();
   } catch (error) {
     fail(error);
   }
+}
+
+// The room's surfaces are fetched when it is shown in 3-D for the first time.
+async function loadSpace() {
+  if (!space || !room) return;
+  const { plan: { low, high }, cameras: views, has_geometry: hasGeometry } = room;
+  await space.load({ bounds: [low, high], cameras: views, surfaces: hasGeometry ? `/surfaces?${room.version}` : null });
+}
+
+function showInSpace(isSpace) {
+  byId("in-space").setAttribute("aria-pressed", isSpace);
+  byId("space").hidden = !isSpace;
+  byId("zoom").hidden = isSpace;
+  byId("plan").toggleAttribute("hidden", isSpace);
+  space ??= new Space(byId("space"), scene);
+  if (space.cameras) space.redraw();
+  else loadSpace().catch(fail);
 }
 
 // One save at a time: what one has saved is what the next one starts from.
@@ -242,6 +270,7 @@ drawing.addEventListener("change", () => {
   for (const button of drawButtons) button.setAttribute("aria-pressed", draft?.type === button.dataset.draw);
   byId("hint").textContent = hint();
   outlines.ask(...outlined());
+  space?.redraw();
 });
 
 // What was said is about things that are others now.
@@ -265,6 +294,7 @@ document.addEventListener("keydown", (event) => {
   }
   if (event.altKey || event.target.matches("input, select, button")) return;
   if (KEYS[key]) begin(KEYS[key]);
+  else if (key === "3") showInSpace(byId("space").hidden);
   else if (key === "enter" && drawing.draft) finish();
   else if (key === "escape" && drawing.draft) drawing.cancel();
   else if (key === "escape") drawing.select(null);
@@ -281,6 +311,7 @@ byId("redo").addEventListener("click", () => drawing.redo());
 byId("save").addEventListener("click", () => save());
 byId("overwrite").addEventListener("click", () => save("overwrite"));
 byId("again").addEventListener("click", load);
+byId("in-space").addEventListener("click", () => showInSpace(byId("space").hidden));
 byId("zoom-in").addEventListener("click", () => plan.zoom(1.4));
 byId("zoom-out").addEventListener("click", () => plan.zoom(1 / 1.4));
 byId("zoom-all").addEventListener("click", () => plan.zoom(0));

@@ -7,8 +7,11 @@
 use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
-use scenes::geometry::{Disc, Geometry, Mesh};
-use scenes::view::exposure;
+use nalgebra::Vector3;
+
+use crate::geometry::{Disc, Geometry, Mesh, vec3_from_point};
+use crate::room::Room;
+use crate::view::exposure;
 
 /// Largest number of discs: 720 kB on the page.
 const MOST_DISCS: usize = 60_000;
@@ -21,8 +24,15 @@ const MOST_SAMPLES: f32 = 400_000.0;
 /// holes.
 const COVERS: f32 = 1.2;
 
+/// Bytes of a room's surfaces, which face its cameras; `None` for a room without geometry.
+pub fn of_room(room: &Room) -> Option<Vec<u8>> {
+    let centers = room.cameras.iter().map(|camera| camera.camera.center().coords);
+    let eye = centers.sum::<Vector3<f64>>() / room.cameras.len().max(1) as f64;
+    Some(encode(room.geometry.as_ref()?, vec3_from_point(&eye.into())))
+}
+
 /// Bytes of a room's surfaces; `eye` is a place in the room towards which the sides of a mesh's triangles are turned.
-pub(super) fn encode(geometry: &Geometry, eye: Vec3) -> Vec<u8> {
+fn encode(geometry: &Geometry, eye: Vec3) -> Vec<u8> {
     let discs = match geometry {
         Geometry::Mesh(mesh) => sampled(mesh, eye),
         Geometry::Discs(discs) => discs.clone(),
