@@ -53,19 +53,21 @@ fn sampled(mesh: &Mesh, eye: Vec3) -> Vec<Disc> {
     let spacing = (whole / MOST_SAMPLES).sqrt().max(0.004);
     let mut discs = Vec::new();
     for triangle in &mesh.triangles {
-        let [a, b, c] = mesh.corners(*triangle);
+        let triangle = opposite_first(mesh, *triangle);
+        let [a, b, c] = mesh.corners(triangle);
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
         let normal = if normal.dot(eye - a) < 0.0 { -normal } else { normal };
         let color = |i: usize| {
             mesh.colors.get(triangle[i] as usize).map_or(Vec3::splat(150.0), |c| Vec3::from(c.map(f32::from)))
         };
-        let longest = (b - a).length().max((c - b).length()).max((a - c).length());
-        let steps = (longest / spacing).ceil().clamp(1.0, 2000.0) as usize;
-        let radius = 0.8 * longest / steps as f32;
-        for i in 0..steps {
-            for k in 0..steps - i {
-                // Middles of the cells of a barycentric grid.
-                let (u, v) = ((i as f32 + 0.33) / steps as f32, (k as f32 + 0.33) / steps as f32);
+        // Middles of the cells of a barycentric grid along the two shorter edges; a slim triangle has few.
+        let [across, along] = [(b - a).length(), (c - a).length()];
+        let [steps_u, steps_v] = [across, along].map(|edge| (edge / spacing).ceil().clamp(1.0, 2000.0));
+        let radius = 0.8 * (across / steps_u).max(along / steps_v);
+        for i in 0..steps_u as usize {
+            let u = (i as f32 + 0.33) / steps_u;
+            for k in 0..(steps_v * (1.0 - i as f32 / steps_u)).ceil() as usize {
+                let v = ((k as f32 + 0.33) / steps_v).min(1.0 - u);
                 let mix = color(0) * (1.0 - u - v) + color(1) * u + color(2) * v;
                 let color = mix.to_array().map(|c| c.round() as u8);
                 let center = a + (b - a) * u + (c - a) * v;
@@ -74,6 +76,16 @@ fn sampled(mesh: &Mesh, eye: Vec3) -> Vec<Disc> {
         }
     }
     discs
+}
+
+/// A triangle from the corner opposite its longest edge on.
+fn opposite_first(mesh: &Mesh, [a, b, c]: [u32; 3]) -> [u32; 3] {
+    let longest = |triangle: [u32; 3]| {
+        let [_, b, c] = mesh.corners(triangle);
+        (c - b).length_squared()
+    };
+    let turned = [[a, b, c], [b, c, a], [c, a, b]];
+    turned.into_iter().max_by(|a, b| longest(*a).total_cmp(&longest(*b))).unwrap_or([a, b, c])
 }
 
 /// At most [`MOST_DISCS`] discs: those of a cell that face the same way become one.

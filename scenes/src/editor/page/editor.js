@@ -20,12 +20,14 @@ const HINTS = isCoarse ? {
   closed: "Tap corners, on the plan or in a camera. The first corner or Done closes.",
   open: "Tap points, on the plan or in a camera. Done ends the line. Across the arrow is in.",
   measure: "Tap two places, on the plan or in a camera.",
+  space: "One finger turns the room, two zoom and move it, a double tap shows all of it.",
 } : {
   idle: "Drag an item or its corners; a dot on an edge makes a corner, Delete removes one. N zone, R region, L line, F floor, M measure, D duplicates.",
   empty: "Draw zones where people enter or leave the room (N), regions where they are counted (R), lines that they cross (L).",
   closed: "Click corners, on the plan or in a camera. A double click, the first corner or Enter closes; Esc gives up. Alt: no snapping.",
   open: "Click points, on the plan or in a camera. A double click or Enter ends the line; Esc gives up. Across the arrow is in. Alt: no snapping.",
   measure: "Click two places, on the plan or in a camera. Esc ends measuring.",
+  space: "Drag turns the room, the wheel zooms, the right button moves, a double click shows all of it. 3 leads back to the plan.",
 };
 const CAMERA_SNAP_M = 0.1;
 const KEYS = Object.fromEntries(Object.entries({ ...KINDS, measure: RULER }).map(([type, { key }]) => [key, type]));
@@ -171,6 +173,7 @@ function showInSpace(isSpace) {
   byId("space").hidden = !isSpace;
   byId("zoom").hidden = isSpace;
   byId("plan").toggleAttribute("hidden", isSpace);
+  byId("hint").textContent = hint();
   space ??= new Space(byId("space"), scene);
   if (space.cameras) space.redraw();
   else loadSpace().catch(fail);
@@ -218,6 +221,7 @@ function remove() {
 
 function hint() {
   const { draft, items } = drawing;
+  if (!draft && !byId("space").hidden) return HINTS.space;
   if (!draft) return items.length > 0 ? HINTS.idle : HINTS.empty;
   if (draft.type === "measure") return HINTS.measure;
   return kindOf(draft.type).isClosed ? HINTS.closed : HINTS.open;

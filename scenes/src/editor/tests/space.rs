@@ -11,10 +11,15 @@ const ZONE: [u8; 3] = [25, 146, 151];
 const NEAR: u8 = 24;
 
 impl EditorPage {
-    /// Shows the room in 3-D, without the labels, which have the colours of what they name.
-    fn open_space(&mut self) {
+    /// Shows the room in 3-D, with its surfaces if it has any, and without the labels, which have the colours of what they
+    /// name.
+    fn open_space(&mut self, labels: usize, has_surfaces: bool) {
         self.page.click("#in-space");
-        self.page.wait_until("document.querySelectorAll('#space .labels span').length === 4");
+        self.page
+            .wait_until(&format!("document.querySelectorAll('#space .labels span').length === {labels}"));
+        if has_surfaces {
+            self.page.wait_until("document.querySelector('#space canvas').dataset.discs > 0");
+        }
         self.page.value("document.querySelector('#space .labels').hidden = true");
     }
 
@@ -61,7 +66,7 @@ fn a_zone_moves_in_the_3_d_view_of_a_chromium_as_it_is_edited() {
     let Some(mut editor) = EditorPage::open() else { return };
     let middle = editor.at(0.25, 0.25);
     editor.page.drag(&[middle]);
-    editor.open_space();
+    editor.open_space(4, true);
     assert!(editor.is("!document.getElementById('plan').checkVisibility()"));
     let before = editor.space();
     let before_px = zone_offset_px(&before).expect("the zone is in sight");
@@ -95,9 +100,7 @@ fn a_zone_moves_in_the_3_d_view_of_a_chromium_as_it_is_edited() {
 #[test]
 fn the_3_d_view_of_the_office_fits_a_telephones_chromium_and_turns_by_a_finger() {
     let Some(mut editor) = EditorPage::of_office() else { return };
-    editor.page.click("#in-space");
-    editor.page.wait_until("document.querySelectorAll('#space .labels span').length > 2");
-    editor.page.wait_until("performance.getEntriesByType('resource').some(({ name, responseEnd }) => name.includes('/surfaces') && responseEnd > 0)");
+    editor.open_space(4, true);
     let desk = editor.space();
     editor.page.screenshot("space-office-1400.png");
     // The surfaces fill the room.
@@ -132,6 +135,6 @@ fn a_room_without_geometry_is_shown_in_3_d_in_a_chromium() {
     std::fs::write(&scene, without.join("\n")).unwrap();
     let dir = folder.path().to_owned();
     let Some(mut editor) = EditorPage::of_room(folder, dir) else { return };
-    editor.open_space();
+    editor.open_space(4, false);
     assert!(zone_offset_px(&editor.space()).is_some());
 }

@@ -9,6 +9,8 @@ import { Triangles, capsule, cross, lookAt, minus, perspective, product, rgb, tr
 const FOV = 0.7;
 const HEADER_BYTES = 28;
 const DISC_BYTES = 12;
+const RADIUS_BYTE = 8; // of a disc
+const RADIUS_STEP_M = 0.002;
 const MOST_PITCH = 1.5;
 const KEYS = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.08], ArrowDown: [0, -0.08] };
 
@@ -58,8 +60,15 @@ const BODIES = [`#version 300 es
 
 const MARKS = [`#version 300 es
   layout(location = 0) in vec3 place; layout(location = 1) in vec4 color;
-  uniform mat4 view, projection; out vec4 tint;
-  void main() { gl_Position = projection * view * vec4(place, 1.0); tint = color; }`, `#version 300 es
+  uniform mat4 view, projection; uniform float lift; out vec4 tint;
+  void main() {
+    vec4 seen = view * vec4(place, 1.0);
+    gl_Position = projection * seen;
+    // The discs of the floor stand out of it by up to their radius: what lies on them is as near as if it were lifted.
+    vec4 lifted = projection * (seen + vec4(0.0, 0.0, min(lift, -0.5 * seen.z), 0.0));
+    gl_Position.z = lifted.z / lifted.w * gl_Position.w;
+    tint = color;
+  }`, `#version 300 es
   precision mediump float;
   in vec4 tint; out vec4 color;
   void main() { color = vec4(tint.rgb, 1.0) * tint.a; }`];
@@ -157,6 +166,7 @@ export class Space {
     this.bodyArray = this.#array(this.body, [[4, gl.FLOAT, false, 0]], 16);
     this.markArray = this.#array(null, [[3, gl.FLOAT, false, 0], [4, gl.FLOAT, false, 12]], 28);
     this.count = 0;
+    this.lift = 0.01;
   }
 
   #take(bytes) {
@@ -165,6 +175,10 @@ export class Space {
     this.count = header.getUint32(0, true);
     const floats = (at) => [0, 4, 8].map((i) => header.getFloat32(at + i, true));
     Object.assign(this, { low: floats(4), step: floats(16) });
+    let sum = 0;
+    for (let i = 0; i < this.count; i += 1) sum += header.getUint8(HEADER_BYTES + DISC_BYTES * i + RADIUS_BYTE);
+    this.canvas.dataset.discs = this.count;
+    this.lift = Math.max((2 * RADIUS_STEP_M * sum) / Math.max(this.count, 1), 0.01);
     this.discArray = this.#array(new Uint8Array(bytes, HEADER_BYTES), [
       [3, gl.UNSIGNED_SHORT, false, 0], [2, gl.BYTE, true, 6], [1, gl.UNSIGNED_BYTE, false, 8], [3, gl.UNSIGNED_BYTE, true, 9],
     ], DISC_BYTES);
@@ -197,10 +211,9 @@ export class Space {
     if (this.count > 0) {
       const at = use(this.discs);
       gl.uniform3fv(at("low"), this.low);
-      // Radii come in steps of two millimetres.
       gl.uniform3fv(at("step_m"), this.step);
       gl.uniform3fv(at("eye"), eye);
-      gl.uniform1f(at("height_px"), height * 0.002);
+      gl.uniform1f(at("height_px"), height * RADIUS_STEP_M);
       gl.bindVertexArray(this.discArray.array);
       gl.drawArrays(gl.POINTS, 0, this.count);
     }
@@ -230,7 +243,7 @@ export class Space {
     const { gl } = this;
     const flat = new Triangles();
     this.scene.marks(flat);
-    use(this.marks);
+    gl.uniform1f(use(this.marks)("lift"), this.lift);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.bindVertexArray(this.markArray.array);
