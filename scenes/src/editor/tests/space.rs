@@ -11,8 +11,8 @@ const ZONE: [u8; 3] = [25, 146, 151];
 const NEAR: u8 = 24;
 
 impl EditorPage {
-    /// Shows the room in 3-D, with its surfaces if it has any, and without the labels, which have the colours of what they
-    /// name.
+    /// Shows the room in 3-D, with its surfaces if it has any, and without what lies over it: labels have the colours of what
+    /// they name, and the button has the zone's.
     fn open_space(&mut self, labels: usize, has_surfaces: bool) {
         self.page.click("#in-space");
         self.page
@@ -21,6 +21,7 @@ impl EditorPage {
             self.page.wait_until("document.querySelector('#space canvas').dataset.discs > 0");
         }
         self.page.value("document.querySelector('#space .labels').hidden = true");
+        self.page.value("document.getElementById('in-space').style.visibility = 'hidden'");
     }
 
     /// The 3-D view as it is on the screen, once two frames of it have been shown.
@@ -102,6 +103,8 @@ fn the_3_d_view_of_the_office_fits_a_telephones_chromium_and_turns_by_a_finger()
     let Some(mut editor) = EditorPage::of_office() else { return };
     editor.open_space(4, true);
     let desk = editor.space();
+    editor.page.value("document.querySelector('#space .labels').hidden = false");
+    editor.page.value("document.getElementById('in-space').style.visibility = ''");
     editor.page.screenshot("space-office-1400.png");
     // The surfaces fill the room.
     let ground = *desk.get_pixel(2, desk.height() - 3);
