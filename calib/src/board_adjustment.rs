@@ -202,15 +202,7 @@ pub(crate) fn fit_fisheye(
         .collect();
     let adjusted = START_HALF_ANGLES_DEG.iter().filter_map(|half_angle_deg| {
         let focal = 0.5 * f64::from(width.max(height)) / half_angle_deg.to_radians();
-        let equidistant = Intrinsics {
-            width,
-            height,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * (f64::from(width) - 1.0),
-            cy: 0.5 * (f64::from(height) - 1.0),
-            distortion: Fisheye::from([0.0; 4]).into(),
-        };
+        let equidistant = Intrinsics::centred(width, height, focal, Fisheye::from([0.0; 4]).into());
         let mut state = Adjusted::start(equidistant, &views)?;
         state.adjust();
         Some(state).filter(|state| state.cost().is_finite())

@@ -31,14 +31,19 @@ impl Intrinsics {
     /// field of view.
     pub fn from_horizontal_fov(width: u32, height: u32, fov_deg: f64) -> Self {
         let focal = 0.5 * width as f64 / (0.5 * fov_deg.to_radians()).tan();
+        Self::centred(width, height, focal, Distortion::NONE)
+    }
+
+    /// A camera with square pixels, the principal point in the middle, and a focal length in pixels.
+    pub fn centred(width: u32, height: u32, focal_px: f64, distortion: Distortion) -> Self {
         Self {
             width,
             height,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * (width as f64 - 1.0),
-            cy: 0.5 * (height as f64 - 1.0),
-            distortion: Distortion::NONE,
+            fx: focal_px,
+            fy: focal_px,
+            cx: 0.5 * (f64::from(width) - 1.0),
+            cy: 0.5 * (f64::from(height) - 1.0),
+            distortion,
         }
     }
 

@@ -20,14 +20,8 @@ pub enum Error {
     Calib(#[from] calib::Error),
 }
 
-impl Error {
-    /// Builds an [`Error::Option`].
-    pub fn option(option: impl Into<String>, problem: impl Into<String>) -> Self {
-        OptionError::new(option, problem).into()
-    }
-}
-
 shell::file_error_constructors!(Error);
+shell::option_error_constructor!(Error);
 
 /// `Result` with the crate's [`enum@Error`].
 pub type Result<T> = std::result::Result<T, Error>;

@@ -10,6 +10,7 @@
 //! * [`floor`] — the plane of the floor and the world frame that stands on it, found among surfaces.
 //! * [`walkable`] — [`walkable::WalkableMap`]: the floor on which a person can stand.
 //! * [`view`] — the room seen from anywhere, with people in it; [`plan`] — its floor plan.
+//! * [`space`] — the room in 3-D on a page.
 //! * [`editor`] — the page on which people draw zones.
 //! * [`cache`] — files of computed results beside a room.
 //! * [`cli`] — the command line: one file a subcommand.
@@ -27,6 +28,7 @@ pub mod plan;
 pub mod polygon;
 pub mod raycast;
 pub mod room;
+pub mod space;
 pub mod view;
 mod visibility;
 pub mod walkable;

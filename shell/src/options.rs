@@ -20,6 +20,19 @@ impl OptionError {
     }
 }
 
+/// Implements `Error::option` of an error enum that is made from an [`OptionError`].
+#[macro_export]
+macro_rules! option_error_constructor {
+    ($error:ty) => {
+        impl $error {
+            /// Builds the error of an option.
+            pub fn option(option: impl Into<String>, problem: impl Into<String>) -> Self {
+                $crate::options::OptionError::new(option, problem).into()
+            }
+        }
+    };
+}
+
 /// Checks that named numbers are finite and as wanted; `wanted` completes "give …".
 ///
 /// # Errors
@@ -58,8 +71,21 @@ pub struct FlagNames {
 }
 
 impl FlagNames {
+    /// The error with the flag in place of the field that it names, if it is an `E` that `option_of` finds to be an error of
+    /// an option; other errors stay.
+    pub fn put_in_error<E: std::error::Error + Send + Sync + 'static>(
+        &self,
+        mut error: anyhow::Error,
+        option_of: impl FnOnce(&mut E) -> Option<&mut OptionError>,
+    ) -> anyhow::Error {
+        if let Some(option) = error.downcast_mut::<E>().and_then(option_of) {
+            self.put_in(option);
+        }
+        error
+    }
+
     /// Puts the flag in place of the field that an error names; other names stay.
-    pub fn put_in(&self, error: &mut OptionError) {
+    fn put_in(&self, error: &mut OptionError) {
         if let Some(name) = self.flag(&error.option) {
             error.option = name;
         }

@@ -25,10 +25,10 @@ pub fn run(command: &mut Command) -> StepResult<String> {
     Err(format!("{command:?}: {}: {}", output.status, String::from_utf8_lossy(&output.stderr)))
 }
 
-/// `recon build` of a capture project with its zones.
+/// `roomtrack recon build` of a capture project with its zones.
 pub fn build_room(project: &Path, room: &Path) -> StepResult<String> {
-    run(program("recon")
-        .arg("build")
+    run(program("roomtrack")
+        .args(["recon", "build"])
         .arg(project.join("room.toml"))
         .arg("--zones")
         .arg(project.join("zones.toml"))

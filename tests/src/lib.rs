@@ -2,6 +2,7 @@
 //!
 //! * [`data`] — the office shipped beside this crate, the larger data sets where available, the programs.
 //! * [`chain`] — the programs, run as a person runs them, with measurements.
+//! * [`office_room`] — the office's room, built once for all tests.
 //! * [`crossing_boxes`] — boxes of people who pass each other in one picture, for linking.
 //! * [`events`] — events against those of true paths, at regions and lines in any room.
 //! * [`filmed_lens`] — captures as another lens would have filmed them.
@@ -38,6 +39,7 @@ pub mod live;
 pub mod mask_recording;
 pub mod mix_ups;
 pub mod network_camera;
+pub mod office_room;
 pub mod project;
 pub mod relocation;
 pub mod spoilt;

@@ -7,18 +7,12 @@ mod pose;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::Subcommand;
 use shell::console::{CANNOT, Console};
 
-/// Camera calibration: intrinsics and pose of a camera.
-#[derive(Parser)]
-#[command(name = "calib", version, about)]
-pub struct Arguments {
-    #[command(subcommand)]
-    command: Command,
-    /// Say more (-v, -vv).
-    #[arg(short, long, global = true, action = clap::ArgAction::Count, display_order = 1000)]
-    verbose: u8,
+shell::family_arguments! {
+    /// Camera calibration: intrinsics and pose of a camera.
+    "calib", Command
 }
 
 #[derive(Subcommand)]

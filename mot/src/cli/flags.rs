@@ -30,11 +30,8 @@ const FLAGS: FlagNames = FlagNames {
 };
 
 /// The error with the flag in place of the field that an [`Error::Option`] names; other errors stay.
-pub(super) fn named(mut error: anyhow::Error) -> anyhow::Error {
-    if let Some(Error::Option(option)) = error.downcast_mut::<Error>() {
-        FLAGS.put_in(option);
-    }
-    error
+pub(super) fn named(error: anyhow::Error) -> anyhow::Error {
+    FLAGS.put_in_error(error, |error| if let Error::Option(option) = error { Some(option) } else { None })
 }
 
 #[cfg(test)]

@@ -10,18 +10,12 @@ mod relocate;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::Subcommand;
 use shell::console::{CANNOT, Console};
 
-/// Rooms from captures: each camera is filmed while it is moved to its final pose.
-#[derive(Parser)]
-#[command(name = "recon", version, about)]
-pub struct Arguments {
-    #[command(subcommand)]
-    command: Command,
-    /// Say more (-v, -vv; -vvv: everything, with what the video libraries print).
-    #[arg(short, long, global = true, action = clap::ArgAction::Count, display_order = 1000)]
-    verbose: u8,
+shell::family_arguments! {
+    /// Rooms from captures: each camera is filmed while it is moved to its final pose.
+    "recon", Command
 }
 
 #[derive(Subcommand)]

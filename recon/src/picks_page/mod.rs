@@ -6,6 +6,7 @@
 //!
 //! * [`server`] — [`Server`]: dispatches the page's requests; it listens by [`shell::loopback`]. Start here.
 //! * [`session`] — the project that is picked: pictures, picks, saving.
+//! * [`state`] — how far its captures and its build are.
 //! * [`work`] — what takes minutes, on threads of its own: the captures, proposals, the build.
 //! * [`geometry`] — residuals and epipolar lines.
 //! * [`page`] — the page's own files; some are the zone editor's.
@@ -14,6 +15,7 @@ mod geometry;
 mod page;
 mod server;
 mod session;
+mod state;
 #[cfg(test)]
 mod tests;
 mod work;

@@ -12,6 +12,7 @@ use shell::loopback::{Answer, JsonBody, Listener, PageFile, Protection};
 
 use super::page::FILES;
 use super::session::{EpipolarRequest, ResidualsRequest, SaveRequest, Session};
+use super::work;
 use crate::{Error, Result};
 
 /// A page of picks that listens.
@@ -44,7 +45,7 @@ impl Server {
     /// # Errors
     /// An I/O error when the system closes the socket.
     pub fn run(self, session: Arc<Session>) -> io::Result<()> {
-        session.start();
+        work::start_captures(&session);
         self.serve(session)
     }
 
@@ -90,7 +91,10 @@ fn routes(session: Arc<Session>) -> Router {
         .route(
             "/build",
             post(|State(s): SharedSession, JsonBody(_): JsonBody<Nothing>| {
-                on_worker(s, |s| Answer::json(&s.build()?))
+                on_worker(s, |s| {
+                    work::start_build(s)?;
+                    Answer::json(&s.progress())
+                })
             }),
         )
         .route("/built/plan", get(|State(s): SharedSession| on_worker(s, |s| s.built_picture(None))))

@@ -1,15 +1,15 @@
 //! The project that is picked: its pictures and picks, questions about them, saving.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nalgebra::{Point2, Similarity3};
+use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 use shell::loopback::{Answer, Protection};
 
 use super::geometry::{self, EpipolarLine};
-use super::work::{self, Built, Progress, ProposedPoint, ReferencePicture, Views};
+use super::state::{Built, Progress, ProposedPoint, ReferencePicture, State, Views};
 use crate::pipeline::BuildOptions;
 use crate::project::{
     LEAST_SHARED_POINTS, Picked, PickedTable, Project, ProjectCamera, ProjectVersion, read_picked,
@@ -28,23 +28,6 @@ pub struct Session {
     protection: Protection,
     cameras: Vec<ProjectCamera>,
     state: Mutex<State>,
-}
-
-/// State that threads change.
-#[derive(Default)]
-pub(super) struct State {
-    pub(super) captures: Progress,
-    pub(super) pictures: Vec<Option<Arc<ReferencePicture>>>,
-    pub(super) views: Option<Arc<Views>>,
-    pub(super) proposals: Vec<ProposedPoint>,
-    /// Similarities by the picks that were last asked about, by the pair's cameras.
-    joined: HashMap<[usize; 2], Similarity3<f64>>,
-    pub(super) build: Progress,
-    pub(super) built: Option<Built>,
-    /// Number of finished builds: pictures of another have another address.
-    pub(super) builds: usize,
-    /// Room directory and link of the zone editor that was started.
-    zones: Option<(PathBuf, String)>,
 }
 
 /// The project for the page.
@@ -161,11 +144,6 @@ impl Session {
             cameras,
             state: Mutex::new(state),
         }))
-    }
-
-    /// Starts the work on the captures.
-    pub(super) fn start(self: &Arc<Self>) {
-        work::start_captures(self);
     }
 
     pub(super) fn project(&self) -> &Path {
@@ -319,14 +297,6 @@ impl Session {
             let (picked, version) = save_picked(&self.project, &asked.version, &asked.picked)?;
             Ok(SaveReply { version, picked })
         })
-    }
-
-    /// Starts a build of the project as it is on disk.
-    pub(super) fn build(self: &Arc<Self>) -> Result<StateReply> {
-        // Defects of the project that a build finds before its first stage are the reply to this request.
-        Project::read_to_build(&self.project)?;
-        work::start_build(self);
-        Ok(self.progress())
     }
 
     /// Picture of the room that was built last: `plan`, or a camera's preview.

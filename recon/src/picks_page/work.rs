@@ -1,113 +1,19 @@
 //! Work that takes minutes, on threads of its own: the captures' pictures and surfaces, proposals, and the build; and its
 //! progress.
 
-use std::io::Cursor;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use image::{ImageFormat, RgbImage};
-use nalgebra::Point2;
-use serde::Serialize;
-
 use super::session::Session;
+use super::state::{Progress, ProposedPoint, ReferencePicture, Views};
 use crate::Result;
-use crate::capture::CaptureFile;
-use crate::pipeline::{self, BuildReport, BuildStep, ReferenceView};
-use crate::project::ProjectCamera;
+use crate::pipeline::{self, BuildReport};
+use crate::project::Project;
 use crate::proposals::{self, ProposalOptions};
 use crate::surface::Surface;
-use crate::verdict::Verdict;
 
 /// Interval at which a build looks whether the captures are finished.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
-
-/// State of one piece of work.
-#[derive(Debug, Clone, Default, Serialize)]
-#[serde(tag = "state", rename_all = "lowercase")]
-pub(super) enum Progress {
-    /// Not begun.
-    #[default]
-    Idle,
-    /// Under way: number of the step, from 0, of how many, and its activity.
-    Running { number: usize, of: usize, what: String },
-    /// Finished.
-    Done,
-    /// Ended by a problem, in one line.
-    Failed { problem: String },
-}
-
-impl Progress {
-    pub(super) fn is_running(&self) -> bool {
-        matches!(self, Self::Running { .. })
-    }
-
-    fn step(step: &BuildStep) -> Self {
-        Self::Running { number: step.number, of: step.of, what: step.what.clone() }
-    }
-}
-
-/// A point that the program proposes.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct ProposedPoint {
-    /// Names of the two cameras.
-    cameras: [String; 2],
-    /// Filmed pixels.
-    pixels: [Point2<f64>; 2],
-    /// Correlation of both pictures there.
-    correlation: f64,
-}
-
-#[cfg(test)]
-impl ProposedPoint {
-    pub(super) fn new(cameras: [&str; 2], pixels: [Point2<f64>; 2], correlation: f64) -> Self {
-        Self { cameras: cameras.map(str::to_owned), pixels, correlation }
-    }
-}
-
-/// Reference views of all cameras, and what was found between them.
-pub(super) struct Views {
-    pub(super) views: Vec<ReferenceView>,
-    pub(super) pairs: Vec<proposals::CameraPair>,
-}
-
-/// Reference picture of a camera, as PNG.
-pub(super) struct ReferencePicture {
-    pub(super) png: Vec<u8>,
-    pub(super) size: (u32, u32),
-}
-
-impl ReferencePicture {
-    pub(super) fn read(camera: &ProjectCamera) -> Result<Self> {
-        let ProjectCamera { name, capture, reference, intrinsics } = camera.clone();
-        let picture = CaptureFile::open(&name, &capture, reference, intrinsics)?.reference_picture()?;
-        Ok(Self { size: picture.dimensions(), png: png(&picture)? })
-    }
-}
-
-fn png(picture: &RgbImage) -> Result<Vec<u8>> {
-    let mut bytes = Cursor::new(Vec::new());
-    picture
-        .write_to(&mut bytes, ImageFormat::Png)
-        .map_err(|e| crate::Error::Room(format!("the picture cannot be shown ({e})")))?;
-    Ok(bytes.into_inner())
-}
-
-/// A finished build.
-#[derive(Debug, Clone)]
-pub(super) struct Built {
-    pub(super) room: PathBuf,
-    pub(super) verdict: Verdict,
-    /// Names of the cameras that have a preview.
-    pub(super) cameras: Vec<String>,
-}
-
-impl From<BuildReport> for Built {
-    fn from(report: BuildReport) -> Self {
-        let cameras = report.cameras.into_iter().map(|camera| camera.name).collect();
-        Self { room: report.room, verdict: report.verdict, cameras }
-    }
-}
 
 /// Starts to read and process the captures.
 pub(super) fn start_captures(session: &Arc<Session>) {
@@ -158,7 +64,11 @@ fn captures(session: &Session) -> Result<()> {
 
 /// Starts a build of the project as it is on disk; one that is running goes on. It begins when the captures are finished:
 /// it takes their results over.
-pub(super) fn start_build(session: &Arc<Session>) {
+///
+/// # Errors
+/// Defects of the project that a build finds before its first stage.
+pub(super) fn start_build(session: &Arc<Session>) -> Result<()> {
+    Project::read_to_build(session.project())?;
     let is_new = session.update(|state| {
         let is_new = !state.build.is_running();
         if is_new {
@@ -167,7 +77,7 @@ pub(super) fn start_build(session: &Arc<Session>) {
         is_new
     });
     if !is_new {
-        return;
+        return Ok(());
     }
     let session = Arc::clone(session);
     std::thread::spawn(move || {
@@ -186,6 +96,7 @@ pub(super) fn start_build(session: &Arc<Session>) {
             };
         });
     });
+    Ok(())
 }
 
 fn build(session: &Session) -> Result<BuildReport> {

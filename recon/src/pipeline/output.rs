@@ -102,7 +102,7 @@ pub(super) fn write(
     }
     let before = exchange(&fresh, out, &beside.before()).map_err(Error::io(out))?;
     sync_folder(parent).map_err(Error::io(parent))?;
-    if let Err(source) = take_over_foreign(&before, out) {
+    if let Err(source) = workplace::take_over_foreign(&before, out) {
         // The old room stays in place, so that no foreign file is lost.
         let cache = beside.keep();
         let problem = format!("the room is finished, but {source}; the old one is in {}", cache.display());
@@ -128,17 +128,6 @@ fn exchange(fresh: &Path, out: &Path, elsewhere: &Path) -> io::Result<PathBuf> {
         return Err(error);
     }
     Ok(elsewhere.to_owned())
-}
-
-/// Moves foreign files, those that the new room does not have, into it.
-pub(super) fn take_over_foreign(before: &Path, out: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(before)? {
-        let name = entry?.file_name();
-        if out.join(&name).symlink_metadata().is_err() {
-            fs::rename(before.join(&name), out.join(&name))?;
-        }
-    }
-    Ok(())
 }
 
 /// Tells whether a directory is on another device than its parent.

@@ -15,7 +15,6 @@ use serde::{Deserialize, Serialize};
 use shell::files::FolderLock;
 use tempfile::TempDir;
 
-use super::output::take_over_foreign;
 use crate::{Error, Result};
 
 /// Beginning of the folders' names.
@@ -124,6 +123,17 @@ fn clear_one(folder: &Path, parent: &Path) -> io::Result<bool> {
     }
     tracing::info!("{}: files of others are back that a killed build had taken away", room.display());
     Ok(true)
+}
+
+/// Moves foreign files, those that the new room does not have, into it.
+pub(super) fn take_over_foreign(before: &Path, out: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(before)? {
+        let name = entry?.file_name();
+        if out.join(&name).symlink_metadata().is_err() {
+            fs::rename(before.join(&name), out.join(&name))?;
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

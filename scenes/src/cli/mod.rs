@@ -12,18 +12,12 @@ mod plan;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::Subcommand;
 use shell::console::{CANNOT, Console};
 
-/// The room model: a room's geometry, and what its cameras see of it.
-#[derive(Parser)]
-#[command(name = "scenes", version, about)]
-pub struct Arguments {
-    #[command(subcommand)]
-    command: Command,
-    /// Say more (-v, -vv).
-    #[arg(short, long, global = true, action = clap::ArgAction::Count, display_order = 1000)]
-    verbose: u8,
+shell::family_arguments! {
+    /// The room model: a room's geometry, and what its cameras see of it.
+    "scenes", Command
 }
 
 #[derive(Subcommand)]

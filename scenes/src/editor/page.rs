@@ -2,6 +2,8 @@
 
 use shell::loopback::PageFile;
 
+use crate::space::{SOLIDS_SCRIPT, SPACE_SCRIPT, SPACE_STYLE};
+
 /// Style sheet of what pages with tools have in common: header, footer, buttons, fields.
 pub const CONTROLS_STYLE: PageFile = PageFile::css("/controls.css", include_str!("page/controls.css"));
 /// Script that asks a page's server.
@@ -10,7 +12,7 @@ pub const SERVER_SCRIPT: PageFile = PageFile::script("/server.js", include_str!(
 pub const SHAPES_SCRIPT: PageFile = PageFile::script("/shapes.js", include_str!("page/shapes.js"));
 
 /// All files of the page.
-pub(super) const FILES: [PageFile; 16] = [
+pub(super) const FILES: [PageFile; 20] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),
     PageFile::PALETTE,
@@ -25,6 +27,10 @@ pub(super) const FILES: [PageFile; 16] = [
     PageFile::script("/numbers.js", include_str!("page/numbers.js")),
     PageFile::script("/plan_shapes.js", include_str!("page/plan_shapes.js")),
     PageFile::script("/list.js", include_str!("page/list.js")),
+    PageFile::script("/drawn_scene.js", include_str!("page/drawn_scene.js")),
+    SPACE_STYLE,
+    SPACE_SCRIPT,
+    SOLIDS_SCRIPT,
     SHAPES_SCRIPT,
     SERVER_SCRIPT,
 ];

@@ -15,6 +15,7 @@ use super::page::FILES;
 use super::picture::Picture;
 use super::session::{OutlinesRequest, PlaceRequest, SaveRequest, Session};
 use crate::Error;
+use crate::space::SURFACES_TYPE;
 use shell::loopback::{Answer, JsonBody, Listener, PageFile, Protection};
 
 /// Largest number of corners in one request.
@@ -73,6 +74,12 @@ fn routes(session: Arc<Session>) -> Router {
             "/camera/{name}",
             get(|State(session): SharedSession, Path(name): Path<String>| {
                 on_worker(session, move |s| Ok(picture_answer(&*s.editor_room().picture(&name)?)))
+            }),
+        )
+        .route(
+            "/surfaces",
+            get(|State(session): SharedSession| {
+                on_worker(session, |s| Ok(Answer::ok(SURFACES_TYPE, s.editor_room().surfaces().to_vec())))
             }),
         )
         .route(

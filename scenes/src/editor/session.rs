@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use nalgebra::{Point2, Point3, Vector2};
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,7 @@ use crate::Result;
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
 use crate::room::{Drawing, EditedDrawing, OnConflict, Room, RoomCamera, SceneVersion, save_drawing};
+use crate::space::{CameraPlace, surfaces};
 use crate::visibility::{floor_under, is_hidden};
 use crate::walkable::{self, unreachable};
 
@@ -41,6 +42,8 @@ pub(super) struct EditorRoom {
     plan: PlanPicture,
     /// Pictures by camera, made at the first request.
     pictures: Mutex<HashMap<String, Arc<Picture>>>,
+    /// Surfaces for the 3-D view, made at the first request.
+    surfaces: OnceLock<Vec<u8>>,
 }
 
 /// Description of a room for the page.
@@ -58,7 +61,8 @@ pub(super) struct RoomReply {
 
 #[derive(Serialize)]
 struct CameraReply {
-    name: String,
+    #[serde(flatten)]
+    place: CameraPlace,
     width: u32,
     height: u32,
 }
@@ -167,14 +171,14 @@ impl Session {
             *state = SessionState::load(&self.dir)?;
         }
         let EditorRoom { room, plan, walls, .. } = &*state.editor_room;
-        let camera =
-            |(name, width, height): (&String, u32, u32)| CameraReply { name: name.clone(), width, height };
-        let sizes =
-            room.cameras.iter().map(|c| (&c.name, c.camera.intrinsics.width, c.camera.intrinsics.height));
+        let camera = |entry: &RoomCamera| {
+            let (width, height) = (entry.camera.intrinsics.width, entry.camera.intrinsics.height);
+            CameraReply { place: CameraPlace::of(entry), width, height }
+        };
         Ok(RoomReply {
             name: name_of(&self.dir),
             version: state.version.clone(),
-            cameras: sizes.map(camera).collect(),
+            cameras: room.cameras.iter().map(camera).collect(),
             drawing: state.drawing.clone(),
             has_geometry: room.geometry.is_some(),
             walls: walls.clone(),
@@ -247,8 +251,8 @@ impl SessionState {
         let scene = room.geometry.as_ref().map(RayScene::new).transpose()?;
         let walls = room.geometry.as_ref().map(walls::walls).unwrap_or_default();
         let plan = picture::plan(dir, &room, &drawing, &walkable)?;
-        let (dir, pictures) = (dir.to_owned(), Mutex::default());
-        let editor_room = EditorRoom { dir, room, scene, walls, plan, pictures };
+        let (dir, pictures, surfaces) = (dir.to_owned(), Mutex::default(), OnceLock::new());
+        let editor_room = EditorRoom { dir, room, scene, walls, plan, pictures, surfaces };
         Ok(Self { version, drawing, editor_room: Arc::new(editor_room) })
     }
 }
@@ -257,6 +261,11 @@ impl EditorRoom {
     /// The plan's picture.
     pub(super) fn plan(&self) -> &Picture {
         &self.plan.picture
+    }
+
+    /// The room's surfaces for the 3-D view; empty without geometry.
+    pub(super) fn surfaces(&self) -> &[u8] {
+        self.surfaces.get_or_init(|| surfaces::of_room(&self.room).unwrap_or_default())
     }
 
     /// Picture of the camera of that name.

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use las::{PointData, Reader};
 
-use super::scan::{Defect, Placing, Scan, ScanVertex};
+use super::scan::{Defect, Placing, Scan};
+use super::scan_vertex::ScanVertex;
 use super::thinning::VoxelGrid;
 
 /// Number of points that are read at once …

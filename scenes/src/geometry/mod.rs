@@ -10,6 +10,7 @@ mod obj;
 pub mod ply;
 pub(crate) mod sample;
 pub mod scan;
+pub(crate) mod scan_vertex;
 mod shape_hash;
 mod spacing;
 mod texture;

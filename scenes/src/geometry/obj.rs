@@ -6,7 +6,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::scan::{Defect, Scan, ScanVertex};
+use super::scan::{Defect, Scan};
+use super::scan_vertex::ScanVertex;
 use super::texture::Texture;
 
 /// Colour and picture of a material.

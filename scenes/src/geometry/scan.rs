@@ -4,6 +4,7 @@
 use glam::{DVec3, Vec3};
 use nalgebra::{Point3, Similarity3};
 
+use super::scan_vertex::ScanVertex;
 use super::thinning::VoxelGrid;
 use super::{Disc, Geometry, Mesh, normals, spacing, triangulate};
 
@@ -15,39 +16,6 @@ const FARTHEST_M: f64 = 10_000.0;
 
 /// Number of points above which clouds are thinned unless the user says another.
 pub const MOST_POINTS: usize = 2_000_000;
-
-/// Grey level of elements without a colour, of 255.
-const GREY: f32 = 180.0;
-
-/// A vertex as its file has it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ScanVertex {
-    /// In the file's world; one far away needs the digits of a double.
-    pub(crate) position: [f64; 3],
-    /// Of any length; zero where the file states none.
-    pub(crate) normal: [f32; 3],
-    /// Red, green, blue, of [`Scan::full_level`].
-    pub(crate) color: [f32; 3],
-    /// In the file's unit.
-    pub(crate) radius: f32,
-    /// As [`Disc::filled`].
-    pub(crate) filled: bool,
-    /// As [`Disc::confidence`].
-    pub(crate) confidence: f32,
-}
-
-impl Default for ScanVertex {
-    fn default() -> Self {
-        Self {
-            position: [0.0; 3],
-            normal: [0.0; 3],
-            color: [GREY; 3],
-            radius: 0.0,
-            filled: false,
-            confidence: 1.0,
-        }
-    }
-}
 
 /// Vertices and faces of a file, in the file's world.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use super::scan::ScanVertex;
+use super::scan_vertex::ScanVertex;
 
 /// Side of a voxel to begin with, metres…
 const FINEST_M: f64 = 0.004;

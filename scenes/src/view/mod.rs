@@ -7,6 +7,7 @@
 //! visible only from within the room, as in a doll's house.
 
 mod gaps;
+mod ray_image;
 mod surface;
 mod viewpoint;
 
@@ -16,11 +17,12 @@ use image::RgbImage;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, vec3_from_point};
 use crate::raycast::RayScene;
 use shell::canvas::Color;
 
 pub(crate) use gaps::surrounded;
+pub use ray_image::RayImage;
 pub use surface::exposure;
 pub(crate) use surface::first_seen;
 pub use viewpoint::{birds_eye, extent, look_at};
@@ -74,65 +76,27 @@ pub struct Ellipsoid {
 /// A rendered view of a room that people can be put into, frame by frame.
 #[derive(Debug, Clone)]
 pub struct View {
-    camera: Camera,
-    samples: u32,
-    eye: Vec3,
-    /// One ray a sample, row by row of the finer grid; zero where the lens model has none.
-    directions: Vec<Vec3>,
-    /// Distance along the ray; infinite where nothing is hit.
-    distances: Vec<f32>,
-    /// Colours, 0 to 255.
-    colors: Vec<Vec3>,
+    /// Colours are 0 to 255.
+    rays: RayImage,
 }
 
 impl View {
     /// Renders the room. The scene must have been made from this geometry.
     pub fn new(geometry: &Geometry, scene: &RayScene, camera: &Camera, options: &ViewOptions) -> Self {
-        let samples = options.samples.max(1);
-        let center = camera.center();
-        let eye = Vec3::new(center.x as f32, center.y as f32, center.z as f32);
-        let (width, height) = (camera.intrinsics.width * samples, camera.intrinsics.height * samples);
+        let eye = vec3_from_point(&camera.center());
         let light = (eye.normalize_or_zero() * 0.3 + Vec3::new(0.25, 0.15, 0.9)).normalize();
-        let ground = color_vector(options.ground);
         let gain = if options.brighten { exposure(geometry) } else { 1.0 };
-        let rows: Vec<Vec<(Vec3, f32, Vec3)>> = (0..height)
-            .into_par_iter()
-            .map(|row| {
-                (0..width)
-                    .map(|column| {
-                        let pixel = Point2::new(sample_center(column, samples), sample_center(row, samples));
-                        let Some(ray) = camera.ray(&pixel) else {
-                            return (Vec3::ZERO, f32::INFINITY, ground);
-                        };
-                        let direction = Vec3::new(ray.x as f32, ray.y as f32, ray.z as f32);
-                        let seen = first_seen(geometry, scene, eye, direction, |point, normal| {
-                            options.cut_height_m.is_none_or(|cut| point.z < cut)
-                                && !(options.cut_backs && normal.dot(direction) > 0.0)
-                        });
-                        seen.map_or((direction, f32::INFINITY, ground), |seen| {
-                            let facing =
-                                if seen.normal.dot(direction) > 0.0 { -seen.normal } else { seen.normal };
-                            let lit = shade(facing, direction, light, options.shading);
-                            (direction, seen.distance, seen.color * (gain * lit))
-                        })
-                    })
-                    .collect()
-            })
-            .collect();
-        let count = width as usize * height as usize;
-        let mut view = Self {
-            camera: camera.clone(),
-            samples,
-            eye,
-            directions: Vec::with_capacity(count),
-            distances: Vec::with_capacity(count),
-            colors: Vec::with_capacity(count),
+        let meet = |eye: Vec3, direction: Vec3| {
+            let seen = first_seen(geometry, scene, eye, direction, |point, normal| {
+                options.cut_height_m.is_none_or(|cut| point.z < cut)
+                    && !(options.cut_backs && normal.dot(direction) > 0.0)
+            })?;
+            let facing = if seen.normal.dot(direction) > 0.0 { -seen.normal } else { seen.normal };
+            let lit = shade(facing, direction, light, options.shading);
+            Some((seen.distance, seen.color * (gain * lit)))
         };
-        for (direction, distance, color) in rows.into_iter().flatten() {
-            view.directions.push(direction);
-            view.distances.push(distance);
-            view.colors.push(color);
-        }
+        let rays = RayImage::cast(camera, options.samples, color_vector(options.ground), meet);
+        let mut view = Self { rays };
         if matches!(geometry, Geometry::Discs(_)) {
             view.close_gaps();
         }
@@ -143,44 +107,44 @@ impl View {
     fn close_gaps(&mut self) {
         /// Widest gap that is closed, in pixels to either side.
         const REACH_PX: u32 = 3;
-        let width = (self.camera.intrinsics.width * self.samples) as usize;
-        let distances = &self.distances;
-        let reach = (REACH_PX * self.samples) as usize;
+        let width = self.rays.width();
+        let distances = &self.rays.distances;
+        let reach = (REACH_PX * self.rays.samples) as usize;
         for (i, around) in surrounded(width, &|i| distances[i].is_infinite(), distances.len(), reach) {
             let count = around.len() as f32;
-            self.colors[i] = around.iter().map(|j| self.colors[*j]).sum::<Vec3>() / count;
-            self.distances[i] = around.iter().map(|j| self.distances[*j]).sum::<f32>() / count;
+            self.rays.colors[i] = around.iter().map(|j| self.rays.colors[*j]).sum::<Vec3>() / count;
+            self.rays.distances[i] = around.iter().map(|j| self.rays.distances[*j]).sum::<f32>() / count;
         }
     }
 
     /// Camera of the view.
     pub fn camera(&self) -> &Camera {
-        &self.camera
+        &self.rays.camera
     }
 
     /// Picture of the empty room.
     pub fn image(&self) -> RgbImage {
-        self.averaged(&self.colors)
+        self.averaged(&self.rays.colors)
     }
 
     /// Picture of the room with people who stand on the floor, hide it and are hidden by it.
     pub fn with_people(&self, people: &[Ellipsoid]) -> RgbImage {
-        let mut colors = self.colors.clone();
-        let width = (self.camera.intrinsics.width * self.samples) as usize;
-        let mut distances = self.distances.clone();
+        let mut colors = self.rays.colors.clone();
+        let width = self.rays.width();
+        let mut distances = self.rays.distances.clone();
         for person in people {
             let Some([left, top, right, bottom]) = self.bounds(person) else { continue };
             let (shadow, body) = (color_vector(Color::INK), color_vector(person.color));
             let rows = colors
                 .par_chunks_exact_mut(width)
                 .zip(distances.par_chunks_exact_mut(width))
-                .zip(self.directions.par_chunks_exact(width))
+                .zip(self.rays.directions.par_chunks_exact(width))
                 .skip(top)
                 .take(bottom - top);
             rows.for_each(|((colors, distances), directions)| {
                 for i in left..right {
                     let direction = directions[i];
-                    if let Some((distance, normal)) = intersect(person, self.eye, direction) {
+                    if let Some((distance, normal)) = intersect(person, self.rays.eye, direction) {
                         if distance < distances[i] {
                             distances[i] = distance;
                             colors[i] = body * body_shade(normal, direction);
@@ -188,7 +152,7 @@ impl View {
                         continue;
                     }
                     // A soft shadow where the person meets the floor.
-                    let point = self.eye + direction * distances[i];
+                    let point = self.rays.eye + direction * distances[i];
                     if distances[i].is_finite() && point.z.abs() < 0.05 {
                         let off = (point.truncate() - glam::Vec2::new(person.x_m, person.y_m)).length()
                             / (SHADOW_REACH * person.radius_m);
@@ -206,8 +170,8 @@ impl View {
         if !finite || person.radius_m <= 0.0 || person.height_m <= 0.0 {
             return None;
         }
-        let k = &self.camera.intrinsics;
-        let (width, height) = (k.width * self.samples, k.height * self.samples);
+        let k = &self.rays.camera.intrinsics;
+        let (width, height) = (k.width * self.rays.samples, k.height * self.rays.samples);
         let reach = f64::from(SHADOW_REACH * person.radius_m);
         let (mut low, mut high) = (Point2::new(f64::MAX, f64::MAX), Point2::new(f64::MIN, f64::MIN));
         for i in 0..8 {
@@ -215,12 +179,12 @@ impl View {
             let z = if i & 4 == 0 { 0.0 } else { f64::from(person.height_m) };
             let corner = Point3::new(f64::from(person.x_m) + side(0), f64::from(person.y_m) + side(1), z);
             // A corner behind the camera has no image: then the whole picture is searched.
-            let Some(p) = self.camera.project(&corner) else {
+            let Some(p) = self.rays.camera.project(&corner) else {
                 return Some([0, 0, width as usize, height as usize]);
             };
             (low, high) = (low.inf(&p), high.sup(&p));
         }
-        let s = f64::from(self.samples);
+        let s = f64::from(self.rays.samples);
         let column = |u: f64| ((u + 0.5) * s).clamp(0.0, f64::from(width)) as usize;
         let row = |v: f64| ((v + 0.5) * s).clamp(0.0, f64::from(height)) as usize;
         let bounds = [column(low.x - 2.0), row(low.y - 2.0), column(high.x + 2.0), row(high.y + 2.0)];
@@ -228,9 +192,9 @@ impl View {
     }
 
     fn averaged(&self, colors: &[Vec3]) -> RgbImage {
-        let (width, s) = (self.camera.intrinsics.width, self.samples as usize);
+        let (width, s) = (self.rays.camera.intrinsics.width, self.rays.samples as usize);
         let fine = width as usize * s;
-        let mut image = RgbImage::new(width, self.camera.intrinsics.height);
+        let mut image = RgbImage::new(width, self.rays.camera.intrinsics.height);
         image.par_chunks_exact_mut(3 * width as usize).enumerate().for_each(|(y, row)| {
             for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
                 let mut sum = Vec3::ZERO;
@@ -248,11 +212,6 @@ impl View {
 
 /// Radius of a person's soft shadow, in radii of the person.
 const SHADOW_REACH: f32 = 1.6;
-
-/// Centre of a sample, in pixels of the picture.
-fn sample_center(index: u32, samples: u32) -> f64 {
-    (f64::from(index) + 0.5) / f64::from(samples) - 0.5
-}
 
 fn color_vector(c: Color) -> Vec3 {
     Vec3::new(f32::from(c.r), f32::from(c.g), f32::from(c.b))

@@ -4,7 +4,6 @@
 use calib::Camera;
 use glam::{IVec2, Vec3};
 use image::{GrayImage, Luma, RgbImage};
-use nalgebra::Point2;
 use rayon::prelude::*;
 
 use super::light::Lamps;
@@ -14,6 +13,7 @@ use super::shape::Met;
 use super::texture::unit;
 use scenes::depth::DepthMap;
 use scenes::geometry::point_from_vec3;
+use scenes::view::RayImage;
 
 /// Options of rendered pictures.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,15 +44,8 @@ impl RenderOptions {
 /// A camera's view of the empty room.
 #[derive(Debug, Clone)]
 pub(super) struct StaticView {
-    camera: Camera,
-    samples: u32,
-    eye: Vec3,
-    /// One unit vector a sample, row by row of the finer grid; zero where the lens has no image.
-    directions: Vec<Vec3>,
-    /// Distance along the ray; infinite where nothing is hit.
-    distances: Vec<f32>,
-    /// Colours in linear light.
-    colors: Vec<Vec3>,
+    /// Colours are in linear light.
+    rays: RayImage,
 }
 
 /// A person as seen by one camera: parts with the columns and rows (of the finer grid) that each can touch.
@@ -76,47 +69,17 @@ pub(super) struct PersonLabels {
 
 impl StaticView {
     pub(super) fn new(room: &SyntheticRoom, camera: &Camera, samples: u32) -> Self {
-        let samples = samples.max(1);
-        let center = camera.center();
-        let eye = Vec3::new(center.x as f32, center.y as f32, center.z as f32);
-        let (width, height) = (camera.intrinsics.width * samples, camera.intrinsics.height * samples);
-        let seen: Vec<(Vec3, f32, Vec3)> = (0..width as usize * height as usize)
-            .into_par_iter()
-            .map(|i| {
-                let place = |index: usize| (index as f64 + 0.5) / f64::from(samples) - 0.5;
-                let pixel = Point2::new(place(i % width as usize), place(i / width as usize));
-                let Some(ray) = camera.ray(&pixel) else { return (Vec3::ZERO, f32::INFINITY, Vec3::ZERO) };
-                let direction = Vec3::new(ray.x as f32, ray.y as f32, ray.z as f32);
-                match room.scene.cast(eye, direction) {
-                    None => (direction, f32::INFINITY, Vec3::ZERO),
-                    Some(hit) => {
-                        let point = eye + direction * hit.distance;
-                        (direction, hit.distance, room.radiance(hit.primitive, point))
-                    }
-                }
-            })
-            .collect();
-        Self {
-            camera: camera.clone(),
-            samples,
-            eye,
-            directions: seen.iter().map(|s| s.0).collect(),
-            distances: seen.iter().map(|s| s.1).collect(),
-            colors: seen.iter().map(|s| s.2).collect(),
-        }
+        let rays = RayImage::cast(camera, samples, Vec3::ZERO, |eye, direction| {
+            let hit = room.scene.cast(eye, direction)?;
+            let point = eye + direction * hit.distance;
+            Some((hit.distance, room.radiance(hit.primitive, point)))
+        });
+        Self { rays }
     }
 
     /// Colours of the empty room in linear light.
     pub(super) fn colors(&self) -> Vec<Vec3> {
-        self.colors.clone()
-    }
-
-    fn width(&self) -> usize {
-        (self.camera.intrinsics.width * self.samples) as usize
-    }
-
-    fn height(&self) -> usize {
-        (self.camera.intrinsics.height * self.samples) as usize
+        self.rays.colors.clone()
     }
 
     /// A person's parts with the pixels of this picture that they can touch.
@@ -149,41 +112,42 @@ impl StaticView {
         /// Factor for the stretching by the lens's distortion.
         const SLACK: f64 = 1.3;
         let world = point_from_vec3(center);
-        let in_camera = self.camera.camera_from_world * world;
+        let in_camera = self.rays.camera.camera_from_world * world;
         let radius = f64::from(radius);
         if in_camera.z < -radius {
             return [0; 4];
         }
-        let whole = [0, 0, self.width(), self.height()];
-        let Some(pixel) = self.camera.intrinsics.project(&in_camera) else { return whole };
+        let whole = [0, 0, self.rays.width(), self.rays.height()];
+        let Some(pixel) = self.rays.camera.intrinsics.project(&in_camera) else { return whole };
         if in_camera.z < 2.0 * radius {
             return whole;
         }
-        let k = &self.camera.intrinsics;
+        let k = &self.rays.camera.intrinsics;
         // Away from the axis a sphere's image is an ellipse, longer by the obliqueness.
         let oblique = in_camera.coords.norm() / in_camera.z;
         let reach = SLACK * oblique * k.fx.max(k.fy) * radius / (in_camera.z - radius) + 1.0;
-        let s = f64::from(self.samples);
+        let s = f64::from(self.rays.samples);
         let clamp = |v: f64, limit: usize| ((v + 0.5) * s).clamp(0.0, limit as f64) as usize;
         [
-            clamp(pixel.x - reach, self.width()),
-            clamp(pixel.y - reach, self.height()),
-            clamp(pixel.x + reach + 1.0, self.width()),
-            clamp(pixel.y + reach + 1.0, self.height()),
+            clamp(pixel.x - reach, self.rays.width()),
+            clamp(pixel.y - reach, self.rays.height()),
+            clamp(pixel.x + reach + 1.0, self.rays.width()),
+            clamp(pixel.y + reach + 1.0, self.rays.height()),
         ]
     }
 
     /// Colours of the room with people in it, in linear light.
     pub(super) fn with_people(&self, lamps: &Lamps, figures: &[BodyView], shadows: bool) -> Vec<Vec3> {
-        let width = self.width();
-        let mut colors = self.colors.clone();
+        let width = self.rays.width();
+        let mut colors = self.rays.colors.clone();
         colors.par_chunks_exact_mut(width).enumerate().for_each(|(row, line)| {
             for (column, color) in line.iter_mut().enumerate() {
                 let i = row * width + column;
-                let mut nearest = self.distances[i];
+                let mut nearest = self.rays.distances[i];
                 let mut body = None;
                 for figure in figures {
-                    if let Some((met, part)) = figure.meet(self.eye, self.directions[i], column, row)
+                    if let Some((met, part)) =
+                        figure.meet(self.rays.eye, self.rays.directions[i], column, row)
                         && met.distance < nearest
                     {
                         nearest = met.distance;
@@ -191,11 +155,11 @@ impl StaticView {
                     }
                 }
                 if let Some((met, part)) = body {
-                    let point = self.eye + self.directions[i] * met.distance;
+                    let point = self.rays.eye + self.rays.directions[i] * met.distance;
                     let albedo = part.material.color(part.shape.place(point)).powf(2.2);
                     *color = albedo * lamps.open(point, met.normal);
                 } else if shadows && nearest.is_finite() {
-                    let point = self.eye + self.directions[i] * nearest;
+                    let point = self.rays.eye + self.rays.directions[i] * nearest;
                     for figure in figures.iter().filter(|f| within(f.shadow_bounds, column, row)) {
                         *color *= figure.shadow(point);
                     }
@@ -207,18 +171,18 @@ impl StaticView {
 
     /// Visible person at each pixel; for views of one ray a pixel.
     pub(super) fn labels(&self, figures: &[BodyView]) -> PersonLabels {
-        let width = self.width();
-        let rows: Vec<PersonLabels> = (0..self.height())
+        let width = self.rays.width();
+        let rows: Vec<PersonLabels> = (0..self.rays.height())
             .into_par_iter()
             .map(|row| {
                 let start = row * width;
                 let mut owners = vec![0_u16; width];
-                let mut distances = self.distances[start..start + width].to_vec();
+                let mut distances = self.rays.distances[start..start + width].to_vec();
                 let mut counts = vec![(0, 0); figures.len()];
                 for column in 0..width {
                     for (k, figure) in figures.iter().enumerate() {
-                        let direction = self.directions[start + column];
-                        if let Some((met, _)) = figure.meet(self.eye, direction, column, row) {
+                        let direction = self.rays.directions[start + column];
+                        if let Some((met, _)) = figure.meet(self.rays.eye, direction, column, row) {
                             counts[k].0 += 1;
                             if met.distance < distances[column] {
                                 distances[column] = met.distance;
@@ -234,8 +198,8 @@ impl StaticView {
             })
             .collect();
         let mut labels = PersonLabels {
-            owners: Vec::with_capacity(self.distances.len()),
-            distances: Vec::with_capacity(self.distances.len()),
+            owners: Vec::with_capacity(self.rays.distances.len()),
+            distances: Vec::with_capacity(self.rays.distances.len()),
             counts: vec![(0, 0); figures.len()],
         };
         for row in rows {
@@ -250,22 +214,22 @@ impl StaticView {
 
     /// Converts distances along rays to depth along the camera's z.
     pub(super) fn depth(&self, distances: &[f32]) -> DepthMap {
-        let forward = self.camera.camera_from_world.rotation.inverse() * nalgebra::Vector3::z();
+        let forward = self.rays.camera.camera_from_world.rotation.inverse() * nalgebra::Vector3::z();
         let forward = Vec3::new(forward.x as f32, forward.y as f32, forward.z as f32);
         let z = |(distance, direction): (&f32, &Vec3)| {
             if distance.is_finite() { distance * direction.dot(forward) } else { 0.0 }
         };
         DepthMap {
-            width: self.camera.intrinsics.width * self.samples,
-            height: self.camera.intrinsics.height * self.samples,
-            z_m: distances.iter().zip(&self.directions).map(z).collect(),
+            width: self.rays.camera.intrinsics.width * self.rays.samples,
+            height: self.rays.camera.intrinsics.height * self.rays.samples,
+            z_m: distances.iter().zip(&self.rays.directions).map(z).collect(),
         }
     }
 
     /// Mask of the pixels that show a person.
     pub(super) fn mask(&self, labels: &PersonLabels) -> GrayImage {
-        let width = self.width();
-        GrayImage::from_fn(self.width() as u32, self.height() as u32, |x, y| {
+        let width = self.rays.width();
+        GrayImage::from_fn(self.rays.width() as u32, self.rays.height() as u32, |x, y| {
             Luma([if labels.owners[y as usize * width + x as usize] > 0 { 255 } else { 0 }])
         })
     }
@@ -328,13 +292,13 @@ pub(super) fn finish(
     frame: u64,
     options: &RenderOptions,
 ) -> RgbImage {
-    let (width, s) = (still.camera.intrinsics.width as usize, still.samples as usize);
-    let fine = still.width();
+    let (width, s) = (still.rays.camera.intrinsics.width as usize, still.rays.samples as usize);
+    let fine = still.rays.width();
     // One stream of noise a frame.
     let seed = (seed ^ (seed >> 32)) as u32 ^ (frame as u32).wrapping_mul(0x9e37_79b9);
     let swing = 2.0 * unit(IVec2::new(-1, -1), seed) - 1.0;
     let gain = 1.0 + options.flicker * swing;
-    let mut image = RgbImage::new(still.camera.intrinsics.width, still.camera.intrinsics.height);
+    let mut image = RgbImage::new(still.rays.camera.intrinsics.width, still.rays.camera.intrinsics.height);
     image.par_chunks_exact_mut(3 * width).enumerate().for_each(|(y, line)| {
         for (x, pixel) in line.chunks_exact_mut(3).enumerate() {
             let samples = (0..s).flat_map(|j| {

@@ -98,9 +98,13 @@ impl Page {
     /// at.
     pub fn screenshot(&mut self, name: &str) {
         let Some(folder) = std::env::var_os("SCREENSHOTS") else { return };
+        std::fs::write(std::path::Path::new(&folder).join(name), self.picture()).unwrap();
+    }
+
+    /// Picture of the window, PNG.
+    pub fn picture(&mut self) -> Vec<u8> {
         let reply = self.command("Page.captureScreenshot", &json!({ "format": "png" }));
-        let bytes = STANDARD.decode(reply["data"].as_str().unwrap()).unwrap();
-        std::fs::write(std::path::Path::new(&folder).join(name), bytes).unwrap();
+        STANDARD.decode(reply["data"].as_str().unwrap()).unwrap()
     }
 
     /// Result of a command, which has to succeed. An exception in the page's scripts ends the test.

@@ -49,15 +49,7 @@ fn wide(camera: &Intrinsics) -> Intrinsics {
     let [width, height] = FULL_HD;
     let edge = WIDE_LENS.distort(nalgebra::Vector2::new(0.0, 0.5 * f64::from(camera.height) / camera.fy)).y;
     let focal = 0.5 * f64::from(height) / edge;
-    Intrinsics {
-        width,
-        height,
-        fx: focal,
-        fy: focal,
-        cx: 0.5 * (f64::from(width) - 1.0),
-        cy: 0.5 * (f64::from(height) - 1.0),
-        distortion: WIDE_LENS,
-    }
+    Intrinsics::centred(width, height, focal, WIDE_LENS)
 }
 
 /// Place in `from`'s picture that shows the same as each pixel of `to`, row by row; `None` outside that picture.

@@ -13,6 +13,7 @@ use nalgebra::{Isometry3, Vector3};
 use tests::board::Board;
 use tests::broker::{Broker, BrokerOptions};
 use tests::data::{office, program};
+use tests::office_room::give_stages;
 
 /// Frames of the office's films that are used: 20 without people, then the first ones who come in.
 const FRAMES: usize = 72;
@@ -117,6 +118,13 @@ fn run_chapter(chapter: &str) {
     assert!(!blocks.is_empty(), "{chapter} has no commands");
     let folder = folder_of_the_reader();
     let needs = |word: &str| blocks.iter().any(|block| block.commands.contains(word));
+    // Rooms that the reader builds: the captures' stages are those of another build.
+    for room in ["myroom", "first-look"]
+        .into_iter()
+        .filter(|room| needs(&format!("--out {room}")) || needs(&format!("--room {room}")))
+    {
+        give_stages(&folder.path().join(room)).unwrap();
+    }
     if needs("board/") {
         film_board(&folder.path().join("board"));
     }

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use nalgebra::{Point2, Point3};
 use scenes::room::Room;
-use tests::chain::{build_room, compare_rooms, evaluate, track};
+use tests::chain::{compare_rooms, evaluate, track};
 use tests::data::{office, program};
+use tests::office_room::office_room;
 
 #[test]
 fn people_are_followed_in_the_true_room() {
@@ -43,8 +44,7 @@ fn hindsight_is_worth_its_wait() {
 #[test]
 fn the_room_comes_out_right_and_people_are_followed_in_it() {
     let (office, scratch) = (office(), tempfile::tempdir().unwrap());
-    let (room, out) = (scratch.path().join("room"), scratch.path().join("tracks"));
-    build_room(&office, &room).unwrap();
+    let (room, out) = (office_room().unwrap(), scratch.path().join("tracks"));
 
     let errors = compare_rooms(&room, &office.join("room"), 50).unwrap();
     assert!(errors.relative.position_cm <= 2.0 && errors.relative.rotation_deg <= 0.25, "{errors:?}");
@@ -72,8 +72,8 @@ fn the_room_comes_out_right_and_people_are_followed_in_it() {
 fn picks_miss_px(office: &Path, room: &Path, scratch: &Path) -> Vec<f64> {
     let picks = scratch.join("picks.toml");
     let project = office.join("room.toml");
-    let mut command = program("recon");
-    command.arg("picks").arg(project).arg("--out").arg(&picks).arg("--room").arg(room);
+    let mut command = program("roomtrack");
+    command.args(["recon", "picks"]).arg(project).arg("--out").arg(&picks).arg("--room").arg(room);
     let output = command.output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && said.contains("8 of 8 points picked before agree"), "{said}");

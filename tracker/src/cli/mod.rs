@@ -22,6 +22,7 @@ mod masks;
 mod outputs;
 mod publish;
 mod report;
+mod room_service;
 mod run;
 mod run_arguments;
 mod sampler;
@@ -37,21 +38,15 @@ mod weightmap;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::Subcommand;
 use shell::console::{CANNOT, Console};
 
 /// Name of the hidden subcommand of a service's rooms.
 const WORKER: &str = "room-worker";
 
-/// Tracks every person in a room, in metres on its floor, from fixed calibrated cameras.
-#[derive(Debug, Parser)]
-#[command(name = "tracker", version, max_term_width = 110)]
-pub struct Arguments {
-    #[command(subcommand)]
-    command: Command,
-    /// Log more (-vv: everything, with the output of the video libraries).
-    #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 1000)]
-    verbose: u8,
+shell::family_arguments! {
+    /// Tracks every person in a room, in metres on its floor, from fixed calibrated cameras.
+    "tracker", Command
 }
 
 #[derive(Debug, Subcommand)]

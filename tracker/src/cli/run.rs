@@ -13,8 +13,8 @@ use shell::files::{OutputLock, refuse_inputs};
 
 use super::input::{RunSources, Started};
 use super::interrupt;
+use super::room_service::{RoomService, room_outputs};
 use super::run_arguments::{MethodName, RunArgs};
-use super::serve::{RoomService, room_outputs};
 use super::stations::{Drawing, StationBuilder};
 use super::view;
 use crate::events::{self, Clock, EventFiles};
@@ -40,7 +40,7 @@ pub(super) fn run_as(
     service: Option<RoomService>,
 ) -> anyhow::Result<String> {
     // Invalid options are reported before anything is read.
-    check(args)?;
+    args.check()?;
     refuse_inputs(&args.out, args.inputs())?;
     // A service's room locks its folder by itself.
     let lock = if service.is_none() { Some(OutputLock::if_present(&args.out)?) } else { None };
@@ -55,15 +55,6 @@ pub(super) fn run_as(
 /// Runs the subcommand.
 pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
     run_as(args, console, None)
-}
-
-/// Checks the options that can be checked before anything is read.
-pub(super) fn check(args: &RunArgs) -> anyhow::Result<()> {
-    args.sampler.options(args.seed)?;
-    args.check_detections()?;
-    args.events.options().validate()?;
-    args.heads.options(args.seed, args.sampler.published)?;
-    args.publish.check()
 }
 
 fn follow(

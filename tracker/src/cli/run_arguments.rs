@@ -133,6 +133,15 @@ pub(crate) struct RunArgs {
 }
 
 impl RunArgs {
+    /// Checks the options that can be checked before anything is read.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        self.sampler.options(self.seed)?;
+        self.check_detections()?;
+        self.events.options().validate()?;
+        self.heads.options(self.seed, self.sampler.published)?;
+        self.publish.check()
+    }
+
     /// The sources of this machine.
     pub(super) fn sources(&self) -> NamedSources<'_> {
         NamedSources {

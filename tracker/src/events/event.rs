@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result, TrackId};
 
+/// Name of the file of events.
+pub(super) const EVENTS: &str = "events.jsonl";
+
 /// Something that happened: a line of `events.jsonl`.
 ///
 /// ```

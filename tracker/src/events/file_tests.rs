@@ -4,7 +4,7 @@ use std::path::Path;
 
 use mot::jsonl::FrameLine;
 
-use super::files::EVENTS;
+use super::event::EVENTS;
 use super::stats::DayStats;
 use super::tests::{line, room, walk};
 use super::*;

@@ -8,6 +8,7 @@ use scenes::room::Room;
 use shell::options::check_numbers;
 use shell::ranges::SECONDS;
 
+use super::event::EVENTS;
 use super::groups::{self, Groups};
 use super::heat::HeatMap;
 use super::open_visits::{OpenVisits, last_row};
@@ -16,8 +17,7 @@ use super::{Event, EventOptions, Events};
 use crate::tracks::{LineFile, Persistence};
 use crate::{Error, Result};
 
-/// Names of the files.
-pub(super) const EVENTS: &str = "events.jsonl";
+/// Names of the other files.
 pub(super) const COUNTS: &str = "counts.csv";
 pub(super) const GROUPS: &str = "groups.csv";
 const HEAT: &str = "heat.csv";

@@ -6,7 +6,7 @@ use std::path::Path;
 use calib::files::write_atomic;
 use mot::jsonl::{self, FrameLine, rounded};
 
-use super::files::EVENTS;
+use super::event::EVENTS;
 use super::{Event, EventKind};
 use crate::tracks::{LineFile, Persistence, last_line};
 use crate::{Result, TrackId};

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use super::files::{COUNTS, EVENTS, GROUPS};
+use super::event::EVENTS;
+use super::files::{COUNTS, GROUPS};
 use super::tally::csv_field;
 use super::words::{count, duration};
 

@@ -127,12 +127,6 @@ fn quantile(lanes: &[[u8; LANES]], fraction: f64) -> [u8; LANES] {
     found
 }
 
-/// Median of some levels, at least one; they are reordered.
-pub(super) fn median(levels: &mut [u8]) -> u8 {
-    let middle = levels.len() / 2;
-    *levels.select_nth_unstable(middle).1
-}
-
 /// Standard deviation of each pixel, averaged over its neighbours, from the deviations of the three channels.
 fn noise(deviation: &RgbImage) -> GrayImage {
     let (width, height) = deviation.dimensions();

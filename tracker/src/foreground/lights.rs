@@ -11,8 +11,9 @@ use std::ops::Range;
 
 use image::RgbImage;
 
-use super::backdrop::{Backdrop, median as median_level};
+use super::backdrop::Backdrop;
 use super::exposure::{Exposure, samples};
+use super::median;
 use super::pixels::{PixelModel, PixelOptions};
 use super::relight;
 use crate::Result;
@@ -55,7 +56,7 @@ fn of_one_light(frames: &[&RgbImage]) -> Vec<Vec<usize>> {
     let grids: Vec<Vec<[u8; 3]>> = frames.iter().map(|frame| samples(frame)).collect();
     let mut lights: Vec<(Vec<[u8; 3]>, Vec<usize>)> = Vec::new();
     for stretch in stretches(frames, &grids) {
-        let look = median(&grids[stretch.clone()]);
+        let look = median_grid(&grids[stretch.clone()]);
         // A lamp that is switched off again leaves the light in which the recording began.
         let known = lights.iter_mut().find(|(other, _)| difference(other, &look) < CHANGED_SHARE);
         match known {
@@ -73,7 +74,7 @@ fn stretches(frames: &[&RgbImage], grids: &[Vec<[u8; 3]>]) -> Vec<Range<usize>> 
     let mut changes: Vec<(f64, usize)> = (LEAST_FRAMES..=count - LEAST_FRAMES)
         .map(|at| {
             let (before, after) = sides(at);
-            (difference(&median(&grids[before]), &median(&grids[after])), at)
+            (difference(&median_grid(&grids[before]), &median_grid(&grids[after])), at)
         })
         .filter(|(share, _)| *share >= CHANGED_SHARE)
         .collect();
@@ -83,7 +84,7 @@ fn stretches(frames: &[&RgbImage], grids: &[Vec<[u8; 3]>]) -> Vec<Range<usize>> 
     for (_, at) in changes {
         let (before, after) = sides(at);
         if ends.iter().all(|end| end.abs_diff(at) >= LEAST_FRAMES)
-            && is_other_light(&median_picture(&frames[before]), &median_picture(&frames[after]))
+            && is_other_light(&median::of_pictures(&frames[before]), &median::of_pictures(&frames[after]))
         {
             ends.push(at);
         }
@@ -118,7 +119,7 @@ fn unexplained_share(scene: &[[u8; 3]], frame: &[[u8; 3]]) -> f64 {
 }
 
 /// Median of each channel of some pixels over several pictures, at least one.
-fn median(grids: &[Vec<[u8; 3]>]) -> Vec<[u8; 3]> {
+fn median_grid(grids: &[Vec<[u8; 3]>]) -> Vec<[u8; 3]> {
     let mut levels = vec![0; grids.len()];
     (0..grids[0].len())
         .map(|pixel| {
@@ -126,23 +127,10 @@ fn median(grids: &[Vec<[u8; 3]>]) -> Vec<[u8; 3]> {
                 for (level, grid) in levels.iter_mut().zip(grids) {
                     *level = grid[pixel][channel];
                 }
-                median_level(&mut levels)
+                median::of_levels(&mut levels)
             })
         })
         .collect()
-}
-
-/// Median picture of a few frames.
-fn median_picture(frames: &[&RgbImage]) -> RgbImage {
-    let mut picture = frames[0].clone();
-    let mut levels = vec![0; frames.len()];
-    for (at, into) in picture.iter_mut().enumerate() {
-        for (level, frame) in levels.iter_mut().zip(frames) {
-            *level = frame.as_raw()[at];
-        }
-        *into = median_level(&mut levels);
-    }
-    picture
 }
 
 /// Models of a camera's empty scene in each of its known lights, of which the present one is in use.

@@ -19,6 +19,7 @@ pub mod health;
 mod initial;
 mod lanes;
 pub mod lights;
+mod median;
 mod options;
 pub mod pixels;
 mod recurrence;

@@ -8,7 +8,7 @@
 
 use image::RgbImage;
 
-use super::backdrop::median as median_level;
+use super::median;
 
 /// Share of frames with the median colour from which on there is no other.
 const CLEAR_SHARE: f64 = 0.8;
@@ -61,7 +61,7 @@ pub(super) fn other_color(
     }
     let rest: Vec<[u8; 3]> = frames.clone().filter(|color| !is_near(*color, median)).collect();
     let color: [u8; 3] = std::array::from_fn(|channel| {
-        median_level(&mut rest.iter().map(|color| color[channel]).collect::<Vec<u8>>())
+        median::of_levels(&mut rest.iter().map(|color| color[channel]).collect::<Vec<u8>>())
     });
     let shown = rest.iter().filter(|seen| is_near(**seen, color)).count() as f64;
     if shown < OTHER_SHARE * all as f64 || shown < OTHER_OF_REST * rest.len() as f64 {

@@ -40,14 +40,7 @@ impl Regions {
         least_strong: u32,
     ) -> u32 {
         self.find(mask, true);
-        let width = mask.width();
-        for i in 0..self.runs.len() {
-            let run = self.runs[i];
-            let from = (run.row * width + run.from) as usize;
-            let scores = &score.as_raw()[from..from + (run.to - run.from) as usize];
-            let root = self.root(i as u32) as usize;
-            self.regions[root].strong += scores.iter().filter(|s| **s >= strong).count() as u32;
-        }
+        self.count_strong(score, |level| level >= strong);
         let mut left = 0;
         for i in 0..self.runs.len() {
             let root = self.root(i as u32) as usize;
@@ -66,14 +59,7 @@ impl Regions {
     /// already.
     pub fn spread(&mut self, mask: &GrayImage, marks: &mut GrayImage, least: f64) {
         self.find(mask, true);
-        let width = mask.width();
-        for i in 0..self.runs.len() {
-            let run = self.runs[i];
-            let from = (run.row * width + run.from) as usize;
-            let marked = &marks.as_raw()[from..from + (run.to - run.from) as usize];
-            let root = self.root(i as u32) as usize;
-            self.regions[root].strong += marked.iter().filter(|m| **m > 0).count() as u32;
-        }
+        self.count_strong(marks, |level| level > 0);
         for i in 0..self.runs.len() {
             let root = self.root(i as u32) as usize;
             let region = self.regions[root];
@@ -92,6 +78,18 @@ impl Regions {
             if region.area <= largest && !region.touches_border {
                 paint(mask, self.runs[i], 255);
             }
+        }
+    }
+
+    /// Counts in each region the pixels whose level in an image of the mask's size is strong.
+    fn count_strong(&mut self, levels: &GrayImage, is_strong: impl Fn(u8) -> bool) {
+        let width = levels.width();
+        for i in 0..self.runs.len() {
+            let run = self.runs[i];
+            let from = (run.row * width + run.from) as usize;
+            let levels = &levels.as_raw()[from..from + (run.to - run.from) as usize];
+            let root = self.root(i as u32) as usize;
+            self.regions[root].strong += levels.iter().filter(|level| is_strong(**level)).count() as u32;
         }
     }
 

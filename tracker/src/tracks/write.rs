@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use mot::jsonl::rounded;
+use mot::jsonl::{FrameLine, rounded};
 use shell::files::FileError;
 
 use super::Persistence;
@@ -79,19 +79,15 @@ impl TrackFiles {
         people: &[PersonEstimate],
         set_aside: &[(usize, Verdict)],
     ) -> Result<()> {
-        let written = self.write_frame(frame, time_s, people, set_aside);
+        let line = frame_line(frame, time_s, people, &self.names, set_aside, self.clock.as_ref());
+        let written = self.write_line(&line, people);
         self.has_failed |= matches!(written, Err(Error::File(FileError::Io { .. })));
         written
     }
 
-    fn write_frame(
-        &mut self,
-        frame: u32,
-        time_s: f64,
-        people: &[PersonEstimate],
-        set_aside: &[(usize, Verdict)],
-    ) -> Result<()> {
-        let line = frame_line(frame, time_s, people, &self.names, set_aside, self.clock.as_ref());
+    /// Appends a line, and the rows of its people, to the files.
+    fn write_line(&mut self, line: &FrameLine, people: &[PersonEstimate]) -> Result<()> {
+        let frame = line.frame;
         let heights = people.iter().map(|p| p.z_m.is_finite());
         if let Some((odd, _)) =
             line.people.iter().zip(heights).find(|(p, is_finite)| !is_finite || !p.is_finite())

@@ -9,7 +9,7 @@
 //! * [`feed`] — [`LiveFeed`]: sends people, counts and events of each frame to the page. Start here.
 //! * [`screens`] — [`Screens`]: the present pictures; a new one replaces the older one.
 //! * [`drawer`] — [`LiveDrawer`]: draws pictures that a viewer waits for, where there is no film with pictures to show.
-//! * [`room_page`], [`surfaces`] — [`RoomPage`]: what the page is told about the room once.
+//! * [`room_page`] — [`RoomPage`]: what the page is told about the room once.
 //! * [`server`] — [`Server`]: serves the page until the run has ended and its viewers have been informed.
 
 mod drawer;
@@ -19,7 +19,6 @@ mod page_tests;
 mod room_page;
 mod screens;
 mod server;
-mod surfaces;
 #[cfg(test)]
 mod tests;
 

@@ -59,6 +59,12 @@ fn a_browser_shows_people_events_pictures_and_pauses() {
     page.wait_until("document.querySelector('#plan .person').dataset.id === '4'");
     page.wait_until("document.querySelector('#events li span').textContent.includes('door')");
     page.wait_until("document.querySelector('#places tbody td:nth-child(2)').textContent === '1'");
+    page.click("#tab-space");
+    let labels =
+        "[...document.querySelectorAll('#space .labels span')].map((label) => label.textContent).join()";
+    page.wait_until(&format!("{labels} === 'b <2>,4'"));
+    page.screenshot("live-space.png");
+    page.click("#tab-plan");
     // Paused, the page keeps its frame while the run goes on, and steps back and forth.
     page.click("#pause");
     for number in 21..=25 {

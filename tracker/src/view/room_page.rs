@@ -5,15 +5,14 @@ use std::path::Path;
 
 use axum::body::Bytes;
 use image::codecs::jpeg::JpegEncoder;
-use nalgebra::{Point2, Point3};
-use scenes::geometry::vec3_from_point;
+use nalgebra::Point2;
 use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::polygon::Polygon;
 use scenes::room::{Line, Region, Room, Zone};
+use scenes::space::{CameraPlace, surfaces};
 use serde::Serialize;
 use shell::canvas::Color;
 
-use super::surfaces;
 use crate::Result;
 
 /// Longest side of the plan's picture, pixels.
@@ -22,8 +21,6 @@ const LONGEST_SIDE_PX: u32 = 1400;
 const JPEG_QUALITY: u8 = 85;
 /// Number of colours of people: [`Color::of_id`] repeats after them.
 const COLORS: u32 = 21;
-/// Distance of a frustum's base from the camera, metres.
-const FRUSTUM_M: f64 = 0.5;
 
 /// Description of the room that the page fetches once.
 #[derive(Debug, Clone, Default)]
@@ -47,19 +44,11 @@ struct Description<'a> {
     zones: &'a [Zone],
     regions: &'a [Region],
     lines: &'a [Line],
-    cameras: Vec<CameraPlace<'a>>,
+    cameras: Vec<CameraPlace>,
     /// Names of the counts that frames carry, in their order.
     places: Vec<&'a str>,
     /// Colours of people by id, repeating.
     colors: Vec<String>,
-}
-
-#[derive(Serialize)]
-struct CameraPlace<'a> {
-    name: &'a str,
-    center: Point3<f64>,
-    /// Places of the image's corners before the camera, from the top left clockwise; fewer where the lens has no image.
-    frustum: Vec<Point3<f64>>,
 }
 
 impl RoomPage {
@@ -79,17 +68,17 @@ impl RoomPage {
             zones: &room.zones,
             regions: &room.regions,
             lines: &room.lines,
-            cameras: cameras.iter().map(|name| camera_place(room, name)).collect::<Result<_>>()?,
+            cameras: cameras
+                .iter()
+                .map(|name| Ok(CameraPlace::of(room.camera(name)?)))
+                .collect::<Result<_>>()?,
             places: places.places().map(|(name, _)| name).collect(),
             colors: (0..COLORS).map(|id| hex(Color::of_id(id))).collect(),
         };
         let description = serde_json::to_vec(&description)
             .map_err(|e| crate::Error::option("view", format!("{e}; run without it")))?;
-        let eye =
-            room.cameras.iter().map(|camera| camera.camera.center().coords).sum::<nalgebra::Vector3<f64>>()
-                / room.cameras.len().max(1) as f64;
-        let surfaces = room.geometry.as_ref().map(|g| surfaces::encode(g, vec3_from_point(&eye.into())));
-        Ok(Self { description: description.into(), plan, surfaces: surfaces.unwrap_or_default().into() })
+        let surfaces = surfaces::of_room(room).unwrap_or_default();
+        Ok(Self { description: description.into(), plan, surfaces: surfaces.into() })
     }
 }
 
@@ -116,15 +105,6 @@ fn plan(room: &Room, room_dir: &Path) -> Result<(Bytes, [Point2<f64>; 2])> {
     let low = mapping.floor(&Point2::new(left - 0.5, top + height - 0.5));
     let high = mapping.floor(&Point2::new(left + width - 0.5, top - 0.5));
     Ok((if encoded { bytes.into_inner().into() } else { Bytes::new() }, [low, high]))
-}
-
-fn camera_place<'a>(room: &Room, name: &'a str) -> Result<CameraPlace<'a>> {
-    let camera = &room.camera(name)?.camera;
-    let (center, k) = (camera.center(), &camera.intrinsics);
-    let (right, bottom) = (f64::from(k.width) - 1.0, f64::from(k.height) - 1.0);
-    let corners = [(0.0, 0.0), (right, 0.0), (right, bottom), (0.0, bottom)];
-    let rays = corners.into_iter().filter_map(|(u, v)| camera.ray(&Point2::new(u, v)));
-    Ok(CameraPlace { name, center, frustum: rays.map(|ray| center + ray.into_inner() * FRUSTUM_M).collect() })
 }
 
 fn hex(color: Color) -> String {

@@ -11,6 +11,7 @@ use axum::extract::{Path, RawQuery, Request, State};
 use axum::middleware::{Next, from_fn};
 use axum::routing::get;
 use scenes::room::Room;
+use scenes::space::{SOLIDS_SCRIPT, SPACE_SCRIPT, SPACE_STYLE, SURFACES_TYPE};
 use shell::loopback::{Answer, Listener, PageFile};
 use tokio::runtime::Builder;
 use tokio::sync::{mpsc, oneshot, watch};
@@ -23,7 +24,7 @@ use crate::Error;
 use crate::events::Clock;
 
 /// Files of the page.
-const FILES: [PageFile; 10] = [
+const FILES: [PageFile; 12] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),
     PageFile::PALETTE,
@@ -32,11 +33,11 @@ const FILES: [PageFile; 10] = [
     PageFile::script("/recent.js", include_str!("page/recent.js")),
     PageFile::script("/pictures.js", include_str!("page/pictures.js")),
     PageFile::script("/plan.js", include_str!("page/plan.js")),
-    PageFile::script("/space.js", include_str!("page/space.js")),
-    PageFile::script("/solids.js", include_str!("page/solids.js")),
+    PageFile::script("/run_scene.js", include_str!("page/run_scene.js")),
+    SPACE_STYLE,
+    SPACE_SCRIPT,
+    SOLIDS_SCRIPT,
 ];
-/// Media type of the surfaces.
-const BINARY: &str = "application/octet-stream";
 /// Default port, unless another program uses it.
 const PORT: u16 = 8081;
 /// Longest wait for news before a request is answered all the same, so that the page knows that the run goes on.
@@ -214,7 +215,10 @@ fn routes(state: PageState, last_activity: LastActivity) -> Router {
         .route("/frames", get(frames))
         .route("/room.json", get(async |State(state): State<PageState>| description(&state.room)))
         .route("/plan.jpg", get(async |State(state): State<PageState>| part("image/jpeg", &state.room.plan)))
-        .route("/surfaces", get(async |State(state): State<PageState>| part(BINARY, &state.room.surfaces)))
+        .route(
+            "/surfaces",
+            get(async |State(state): State<PageState>| part(SURFACES_TYPE, &state.room.surfaces)),
+        )
         .with_state(state)
         .layer(from_fn(move |request: Request, next: Next| {
             let last_activity = Arc::clone(&last_activity);

@@ -14,7 +14,7 @@ use shell::loopback::Protection;
 use synthetic::RoomOptions;
 use tempfile::TempDir;
 
-use super::work::{Progress, ReferencePicture, Views};
+use super::state::{Progress, ReferencePicture, Views};
 use super::{Server, Session};
 use crate::pipeline::{BuildOptions, ReferenceView};
 use crate::surface::rendered::Rendering;

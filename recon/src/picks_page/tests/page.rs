@@ -82,7 +82,7 @@ fn proposals_are_taken_by_a_click_and_a_failing_build_is_told_in_a_chromium() {
     let project = PickedProject::new();
     let pairs = project.shared.iter().step_by(project.shared.len() / 4).take(4);
     let proposals =
-        pairs.map(|pixels| super::super::work::ProposedPoint::new(["cam0", "cam1"], *pixels, 0.9));
+        pairs.map(|pixels| super::super::state::ProposedPoint::new(["cam0", "cam1"], *pixels, 0.9));
     let proposals: Vec<_> = proposals.collect();
     project.session.update(|state| state.proposals = proposals);
     let Some(mut page) = Page::open(&format!("http://{}/", project.address)) else { return };

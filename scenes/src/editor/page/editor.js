@@ -2,6 +2,7 @@
 // binds the page's parts together: loading, saving, keys, and the line that says how things stand.
 
 import { Cameras } from "/cameras.js";
+import { DrawnScene } from "/drawn_scene.js";
 import { Drawing } from "/drawing.js";
 import { arrow, crosses, distance, snapped } from "/geometry.js";
 import { KINDS, LAYERS, RULER, kindOf } from "/kinds.js";
@@ -10,6 +11,7 @@ import { Numbers } from "/numbers.js";
 import { Plan } from "/plan.js";
 import { Latest, ask } from "/server.js";
 import { isCoarse } from "/shapes.js";
+import { Space } from "/space.js";
 
 const byId = (id) => document.getElementById(id);
 const HINTS = isCoarse ? {
@@ -18,12 +20,14 @@ const HINTS = isCoarse ? {
   closed: "Tap corners, on the plan or in a camera. The first corner or Done closes.",
   open: "Tap points, on the plan or in a camera. Done ends the line. Across the arrow is in.",
   measure: "Tap two places, on the plan or in a camera.",
+  space: "One finger turns the room, two zoom and move it, a double tap shows all of it.",
 } : {
   idle: "Drag an item or its corners; a dot on an edge makes a corner, Delete removes one. N zone, R region, L line, F floor, M measure, D duplicates.",
   empty: "Draw zones where people enter or leave the room (N), regions where they are counted (R), lines that they cross (L).",
   closed: "Click corners, on the plan or in a camera. A double click, the first corner or Enter closes; Esc gives up. Alt: no snapping.",
   open: "Click points, on the plan or in a camera. A double click or Enter ends the line; Esc gives up. Across the arrow is in. Alt: no snapping.",
   measure: "Click two places, on the plan or in a camera. Esc ends measuring.",
+  space: "Drag turns the room, the wheel zooms, the right button moves, a double click shows all of it. 3 leads back to the plan.",
 };
 const CAMERA_SNAP_M = 0.1;
 const KEYS = Object.fromEntries(Object.entries({ ...KINDS, measure: RULER }).map(([type, { key }]) => [key, type]));
@@ -35,8 +39,10 @@ const fail = (error) => say(error.message, "wrong");
 const plan = new Plan(byId("plan"), drawing, { finish, hover });
 const cameras = new Cameras(byId("cameras"), drawing, { look, place, leave: () => hover(null), add, finish, later });
 const drawButtons = [...document.querySelectorAll("[data-draw]")];
+const scene = new DrawnScene(drawing);
+let space = null; // when it is opened for the first time
+let room = null;
 let version = null;
-let hasGeometry = false;
 
 // Lines of one kind follow each other; the last answer of a kind that was asked for is the one that stays.
 const outlines = new Latest("/outlines", (reply, items) => cameras.show(reply, items), fail);
@@ -44,6 +50,7 @@ const places = new Latest("/place", ({ floor, cameras: pixels }, use) => {
   if (!isHovered) return;
   showPlace(floor);
   plan.mark(floor);
+  markInSpace(floor);
   cameras.mark(pixels);
   use?.(floor);
 }, fail);
@@ -79,8 +86,14 @@ function hover(floor) {
     places.ask({ floor });
   } else {
     plan.mark(null);
+    markInSpace(null);
     cameras.mark([]);
   }
+}
+
+function markInSpace(floor) {
+  scene.place = floor;
+  space?.redraw();
 }
 
 // A pixel is pointed at, in a camera.
@@ -117,7 +130,7 @@ async function finish() {
   if (!draft || draft.type === "measure") return;
   const { word, isClosed, least } = kindOf(draft.type);
   if (crosses(draft.corners, isClosed)) return say("The outline crosses itself: remove the last corner with Delete.", "warn");
-  const isFirstFloor = draft.type === "floor" && drawing.ofType("floor").length === 0 && hasGeometry;
+  const isFirstFloor = draft.type === "floor" && drawing.ofType("floor").length === 0 && room.has_geometry;
   const item = drawing.finish();
   if (!item) return say(`A ${word} needs at least ${least} ${isClosed ? "corners" : "points"}.`, "warn");
   if (isFirstFloor) say("From now on people can stand on what is drawn alone, no longer on what follows from the geometry.");
@@ -134,18 +147,36 @@ function begin(type) {
 
 async function load() {
   try {
-    const room = await ask("GET", "/room.json");
+    room = await ask("GET", "/room.json");
     version = room.version;
-    hasGeometry = room.has_geometry;
     byId("room").textContent = room.name;
     document.title = `Floor of ${room.name}`;
     plan.load(room.plan, version);
     cameras.load(room.cameras, version);
     drawing.load(room.drawing, room.walls);
     say("");
+    await loadSpace();
   } catch (error) {
     fail(error);
   }
+}
+
+// The room's surfaces are fetched when it is shown in 3-D for the first time.
+async function loadSpace() {
+  if (!space || !room) return;
+  const { plan: { low, high }, cameras: views, has_geometry: hasGeometry } = room;
+  await space.load({ bounds: [low, high], cameras: views, surfaces: hasGeometry ? `/surfaces?${room.version}` : null });
+}
+
+function showInSpace(isSpace) {
+  byId("in-space").setAttribute("aria-pressed", isSpace);
+  byId("space").hidden = !isSpace;
+  byId("zoom").hidden = isSpace;
+  byId("plan").toggleAttribute("hidden", isSpace);
+  byId("hint").textContent = hint();
+  space ??= new Space(byId("space"), scene);
+  if (space.cameras) space.redraw();
+  else loadSpace().catch(fail);
 }
 
 // One save at a time: what one has saved is what the next one starts from.
@@ -190,6 +221,7 @@ function remove() {
 
 function hint() {
   const { draft, items } = drawing;
+  if (!draft && !byId("space").hidden) return HINTS.space;
   if (!draft) return items.length > 0 ? HINTS.idle : HINTS.empty;
   if (draft.type === "measure") return HINTS.measure;
   return kindOf(draft.type).isClosed ? HINTS.closed : HINTS.open;
@@ -242,6 +274,7 @@ drawing.addEventListener("change", () => {
   for (const button of drawButtons) button.setAttribute("aria-pressed", draft?.type === button.dataset.draw);
   byId("hint").textContent = hint();
   outlines.ask(...outlined());
+  space?.redraw();
 });
 
 // What was said is about things that are others now.
@@ -265,6 +298,7 @@ document.addEventListener("keydown", (event) => {
   }
   if (event.altKey || event.target.matches("input, select, button")) return;
   if (KEYS[key]) begin(KEYS[key]);
+  else if (key === "3") showInSpace(byId("space").hidden);
   else if (key === "enter" && drawing.draft) finish();
   else if (key === "escape" && drawing.draft) drawing.cancel();
   else if (key === "escape") drawing.select(null);
@@ -281,6 +315,7 @@ byId("redo").addEventListener("click", () => drawing.redo());
 byId("save").addEventListener("click", () => save());
 byId("overwrite").addEventListener("click", () => save("overwrite"));
 byId("again").addEventListener("click", load);
+byId("in-space").addEventListener("click", () => showInSpace(byId("space").hidden));
 byId("zoom-in").addEventListener("click", () => plan.zoom(1.4));
 byId("zoom-out").addEventListener("click", () => plan.zoom(1 / 1.4));
 byId("zoom-all").addEventListener("click", () => plan.zoom(0));

@@ -6,6 +6,7 @@ mod outline;
 mod page;
 mod saving;
 mod server;
+mod space;
 
 use calib::{Camera, Intrinsics};
 use glam::Vec3;

@@ -96,7 +96,13 @@ fn the_room_is_told_and_shown() {
     let folder = room();
     let address = served(folder.path());
     let told = room_json(address);
-    assert_eq!(told["cameras"][1], json!({ "name": "Küche links", "width": 200, "height": 200 }));
+    let camera = &told["cameras"][1];
+    assert_eq!(json!([camera["name"], camera["width"], camera["height"]]), json!(["Küche links", 200, 200]));
+    // The 3-D view's: it stands 1.5 m above the origin and looks along x.
+    assert_relative_eq!(camera["center"][2].as_f64().unwrap(), 1.5, epsilon = 1e-9);
+    let frustum = camera["frustum"].as_array().unwrap();
+    assert!(frustum.len() == 4 && frustum.iter().all(|corner| corner[0].as_f64().unwrap() > 0.2), "{camera}");
+    assert!(get(address, "/surfaces").0.contains("application/octet-stream"));
     assert_eq!(told["drawing"]["zones"][0]["name"], "door <1>");
     assert_eq!(told["drawing"]["zones"][0]["kind"], "entry");
     let (head, plan) = get(address, "/plan.png?1");

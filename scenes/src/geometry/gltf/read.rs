@@ -10,7 +10,8 @@ use nalgebra::{Matrix4, Point3, Quaternion, Translation3, UnitQuaternion, Vector
 
 use super::document::{Document, Node, Primitive};
 use super::{BINARY_CHUNK, JSON_CHUNK, MAGIC};
-use crate::geometry::scan::{Defect, Scan, ScanVertex};
+use crate::geometry::scan::{Defect, Scan};
+use crate::geometry::scan_vertex::ScanVertex;
 use crate::geometry::texture::{Texture, level_of_light, light_of_level};
 
 pub(super) type Parsed<T> = Result<T, Defect>;

@@ -12,7 +12,8 @@ use super::header::{self, FACES, STRIPS, VERTICES};
 use super::row::{FaceRow, SkippedRow, StripRow};
 use super::strips::{self, END_OF_STRIP};
 use crate::geometry::Geometry;
-use crate::geometry::scan::{Defect, Placing, Scan, ScanVertex};
+use crate::geometry::scan::{Defect, Placing, Scan};
+use crate::geometry::scan_vertex::ScanVertex;
 use crate::{Error, Result};
 
 /// Reads a room's geometry from a PLY file, ASCII or binary.

@@ -3,7 +3,7 @@
 use ply_rs::ply::{BeginList, Property, PropertyAccess, PropertyAccessResult};
 
 use super::strips::END_OF_STRIP;
-use crate::geometry::scan::ScanVertex;
+use crate::geometry::scan_vertex::ScanVertex;
 
 /// Properties that its file lacks keep the values of [`ScanVertex::default`].
 impl PropertyAccess for ScanVertex {

@@ -6,7 +6,7 @@ use ply_rs::ply::{Addable, ElementDef, Encoding, Header, PropertyDef, PropertyTy
 use ply_rs::writer::Writer;
 
 use super::row::{CORNERS, FaceRow};
-use crate::geometry::scan::ScanVertex;
+use crate::geometry::scan_vertex::ScanVertex;
 use crate::geometry::{Disc, Geometry, Mesh};
 use crate::{Error, Result};
 

@@ -74,26 +74,33 @@ pub(super) trait DrawnTable: Clone + DeserializeOwned {
     }
 }
 
+/// Access to a table's field `name`, and to its corners in the field that is named.
+macro_rules! name_and_outline {
+    ($($corners:tt).+) => {
+        fn name(&self) -> &str {
+            &self.name
+        }
+
+        fn name_mut(&mut self) -> &mut String {
+            &mut self.name
+        }
+
+        fn outline(&self) -> &[Point2<f64>] {
+            &self.$($corners).+
+        }
+
+        fn outline_mut(&mut self) -> &mut Vec<Point2<f64>> {
+            &mut self.$($corners).+
+        }
+    };
+}
+
 impl DrawnTable for Zone {
     const TABLE: &'static str = "zone";
     const PARTS: &'static [(Part, &'static str)] =
         &[(Part::Name, "name"), (Part::Outline, "polygon"), (Part::Property, "kind")];
 
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn name_mut(&mut self) -> &mut String {
-        &mut self.name
-    }
-
-    fn outline(&self) -> &[Point2<f64>] {
-        &self.polygon.0
-    }
-
-    fn outline_mut(&mut self) -> &mut Vec<Point2<f64>> {
-        &mut self.polygon.0
-    }
+    name_and_outline!(polygon.0);
 
     fn has_same_property(&self, other: &Self) -> bool {
         self.kind == other.kind
@@ -121,21 +128,7 @@ impl DrawnTable for Region {
     const PARTS: &'static [(Part, &'static str)] =
         &[(Part::Name, "name"), (Part::Outline, "polygon"), (Part::Property, "dwell_s")];
 
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn name_mut(&mut self) -> &mut String {
-        &mut self.name
-    }
-
-    fn outline(&self) -> &[Point2<f64>] {
-        &self.polygon.0
-    }
-
-    fn outline_mut(&mut self) -> &mut Vec<Point2<f64>> {
-        &mut self.polygon.0
-    }
+    name_and_outline!(polygon.0);
 
     fn has_same_property(&self, other: &Self) -> bool {
         match (self.dwell_s, other.dwell_s) {
@@ -157,21 +150,7 @@ impl DrawnTable for Line {
     const TABLE: &'static str = "line";
     const PARTS: &'static [(Part, &'static str)] = &[(Part::Name, "name"), (Part::Outline, "points")];
 
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn name_mut(&mut self) -> &mut String {
-        &mut self.name
-    }
-
-    fn outline(&self) -> &[Point2<f64>] {
-        &self.points
-    }
-
-    fn outline_mut(&mut self) -> &mut Vec<Point2<f64>> {
-        &mut self.points
-    }
+    name_and_outline!(points);
 
     fn has_same_property(&self, _: &Self) -> bool {
         true

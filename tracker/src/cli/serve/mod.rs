@@ -12,11 +12,9 @@
 //! * `site_file` — `site.toml`; `arguments` — a room's table as arguments of `tracker run`.
 //! * `site_plan` — the rooms and doors, checked as a whole.
 //! * `supervisor` — the loop over the rooms; `worker_process` — one of them, as the supervisor sees it.
-//! * `worker` — the room's process; `room_outputs` — its outputs; `message` — what passes between the two.
+//! * `worker` — the room's process; its outputs and orders are in [`super::room_service`].
 
 mod arguments;
-mod message;
-mod room_outputs;
 mod site_file;
 mod site_plan;
 mod supervisor;
@@ -29,9 +27,8 @@ use anyhow::Context;
 use clap::Args;
 use shell::console::Console;
 
-pub(super) use room_outputs::room_outputs;
 use site_plan::SitePlan;
-pub(super) use worker::{RoomService, worker};
+pub(super) use worker::worker;
 
 /// An example of the file, with comments.
 const EXAMPLE: &str = include_str!("example.toml");

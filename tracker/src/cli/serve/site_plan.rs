@@ -11,7 +11,7 @@ use super::arguments::{arguments, named};
 use super::site_file::{DoorTable, Options, Retention, RoomTable, SiteFile};
 use crate::Error;
 use crate::cli::run_arguments::RunArgs;
-use crate::cli::{Arguments, Command, flags, run};
+use crate::cli::{Arguments, Command, flags};
 use crate::serve::{Door, DoorOptions, DoorSide};
 
 /// Name of the folder of the site's own files, which no room may have.
@@ -102,7 +102,7 @@ impl SitePlan {
         for (i, plan) in self.rooms.iter().enumerate() {
             let place = || format!("[[room]] {} \"{}\"", i + 1, plan.name);
             let args = run_options(&plan.arguments).map_err(anyhow::Error::msg).with_context(place)?;
-            run::check(&args).map_err(flags::named).with_context(place)?;
+            args.check().map_err(flags::named).with_context(place)?;
             let room = Room::read(&args.room).with_context(place)?;
             for camera in args.video.iter().chain(&args.masks).chain(&args.detections) {
                 room.camera(&camera.name).with_context(place)?;

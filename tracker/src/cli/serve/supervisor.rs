@@ -11,10 +11,10 @@ use shell::console::Console;
 use signal_hook::consts::SIGHUP;
 use signal_hook::flag;
 
-use super::message::Report;
 use super::site_plan::SitePlan;
 use super::worker_process::{RoomReport, WorkerProcess};
 use crate::cli::interrupt;
+use crate::cli::room_service::Report;
 use crate::serve::{DailyFilm, Day, PersonKey, SiteFiles, SiteIds, remove_older};
 
 /// Interval of looks at signals and processes.

@@ -13,8 +13,8 @@ use anyhow::Context;
 use shell::console::Console;
 use shell::program;
 
-use super::message::{Order, Report, send};
 use super::site_plan::RoomPlan;
+use crate::cli::room_service::{Order, Report, send};
 
 /// Shortest pause before a worker that has ended is started again…
 const FIRST_PAUSE: Duration = Duration::from_secs(1);

@@ -22,12 +22,10 @@ use super::LEAST_STEP_S;
 use super::motion::Motion;
 use super::options::McmcOptions;
 use super::person::Key;
-use super::smoother::LaggedMoment;
+use super::smoother::{LaggedMoment, WINDOW_S};
 use super::trace::Trace;
 use super::traits::{LearntTraits, exchange_nats};
 
-/// Time for which an exchange can be undone, seconds.
-pub(super) const WINDOW_S: f64 = 3.0;
 /// Largest distance of two people who may exchange their tracks, metres.
 const MET_M: f64 = 0.8;
 /// Largest number of moments at which an exchange of one pair is considered.

@@ -13,11 +13,13 @@ use std::collections::VecDeque;
 
 use super::motion::Belief;
 use super::person::Key;
-use super::reassociation::WINDOW_S;
 use super::trace::Trace;
 use super::traits::LearntTraits;
 use crate::PersonEstimate;
 use crate::identity::mean_vector::MeanVector;
+
+/// Time for which an exchange of tracks can be undone, and moments hold what decides it, seconds.
+pub(super) const WINDOW_S: f64 = 3.0;
 
 /// Fixed-lag smoother over the latest moments, oldest first.
 #[derive(Debug, Clone, Default)]

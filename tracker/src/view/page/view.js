@@ -3,6 +3,7 @@
 import { Pictures } from "/pictures.js";
 import { Plan, TRAIL_S, colorOf, inkOn } from "/plan.js";
 import { Recent } from "/recent.js";
+import { RunScene } from "/run_scene.js";
 import { Space } from "/space.js";
 
 const AGAIN_MS = 2000;
@@ -14,6 +15,7 @@ const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 const recent = new Recent();
 const plan = new Plan(at("plan"));
 const pictures = new Pictures(at("cameras"));
+const scene = new RunScene();
 let space = null; // when it is opened for the first time
 let room = null;
 let status = { text: "Waiting for the first picture", kind: "" };
@@ -63,7 +65,8 @@ function showFrame() {
   figure("left-out", frame.left_out > 0 ? frame.left_out : null);
   const trails = recent.trails(TRAIL_S);
   if (!at("plan").hasAttribute("hidden")) plan.show(frame, trails);
-  if (space && !at("space").hidden) space.show(frame, trails);
+  scene.take(frame, trails);
+  space?.redraw();
   pictures.health(frame.health);
   pictures.paused = recent.isPaused;
   [...at("places").querySelector("tbody").rows].forEach((row, i) => {
@@ -144,7 +147,8 @@ async function loadRoom() {
   }));
   for (const id of ["room", "places", "events"]) at(id).hidden = false;
   plan.load(room);
-  if (space) await space.load(room);
+  scene.load(room);
+  await loadSpace();
 }
 
 // Frames and events, apart from the pictures, which take longer.
@@ -211,6 +215,12 @@ async function watchPictures() {
   }
 }
 
+// Surfaces are fetched when the 3-D view is opened for the first time.
+async function loadSpace() {
+  if (!space || !room) return;
+  await space.load({ bounds: room.plan, cameras: room.cameras, surfaces: room.has_surfaces ? "/surfaces" : null });
+}
+
 async function open(name) {
   const isSpace = name === "space";
   at("tab-plan").setAttribute("aria-selected", !isSpace);
@@ -218,8 +228,8 @@ async function open(name) {
   at("plan").toggleAttribute("hidden", isSpace);
   at("space").hidden = !isSpace;
   if (isSpace && !space) {
-    space = new Space(at("space"));
-    if (room) await space.load(room);
+    space = new Space(at("space"), scene);
+    await loadSpace();
   }
   showFrame();
 }

@@ -6,8 +6,8 @@ use nalgebra::Vector2;
 
 use super::super::options::McmcOptions;
 use super::super::person::Key;
-use super::super::reassociation::{WINDOW_S, place_nats};
-use super::super::smoother::LaggedMoment;
+use super::super::reassociation::place_nats;
+use super::super::smoother::{LaggedMoment, WINDOW_S};
 use super::{Encounter, Encounters, REMEMBERED_S};
 
 /// Least log probability ratio by the places of an encounter that is remembered, nats.

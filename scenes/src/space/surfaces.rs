@@ -7,8 +7,11 @@
 use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
-use scenes::geometry::{Disc, Geometry, Mesh};
-use scenes::view::exposure;
+use nalgebra::Vector3;
+
+use crate::geometry::{Disc, Geometry, Mesh, vec3_from_point};
+use crate::room::Room;
+use crate::view::exposure;
 
 /// Largest number of discs: 720 kB on the page.
 const MOST_DISCS: usize = 60_000;
@@ -21,8 +24,15 @@ const MOST_SAMPLES: f32 = 400_000.0;
 /// holes.
 const COVERS: f32 = 1.2;
 
+/// Bytes of a room's surfaces, which face its cameras; `None` for a room without geometry.
+pub fn of_room(room: &Room) -> Option<Vec<u8>> {
+    let centers = room.cameras.iter().map(|camera| camera.camera.center().coords);
+    let eye = centers.sum::<Vector3<f64>>() / room.cameras.len().max(1) as f64;
+    Some(encode(room.geometry.as_ref()?, vec3_from_point(&eye.into())))
+}
+
 /// Bytes of a room's surfaces; `eye` is a place in the room towards which the sides of a mesh's triangles are turned.
-pub(super) fn encode(geometry: &Geometry, eye: Vec3) -> Vec<u8> {
+fn encode(geometry: &Geometry, eye: Vec3) -> Vec<u8> {
     let discs = match geometry {
         Geometry::Mesh(mesh) => sampled(mesh, eye),
         Geometry::Discs(discs) => discs.clone(),
@@ -43,19 +53,21 @@ fn sampled(mesh: &Mesh, eye: Vec3) -> Vec<Disc> {
     let spacing = (whole / MOST_SAMPLES).sqrt().max(0.004);
     let mut discs = Vec::new();
     for triangle in &mesh.triangles {
-        let [a, b, c] = mesh.corners(*triangle);
+        let triangle = opposite_first(mesh, *triangle);
+        let [a, b, c] = mesh.corners(triangle);
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
         let normal = if normal.dot(eye - a) < 0.0 { -normal } else { normal };
         let color = |i: usize| {
             mesh.colors.get(triangle[i] as usize).map_or(Vec3::splat(150.0), |c| Vec3::from(c.map(f32::from)))
         };
-        let longest = (b - a).length().max((c - b).length()).max((a - c).length());
-        let steps = (longest / spacing).ceil().clamp(1.0, 2000.0) as usize;
-        let radius = 0.8 * longest / steps as f32;
-        for i in 0..steps {
-            for k in 0..steps - i {
-                // Middles of the cells of a barycentric grid.
-                let (u, v) = ((i as f32 + 0.33) / steps as f32, (k as f32 + 0.33) / steps as f32);
+        // Middles of the cells of a barycentric grid along the two shorter edges; a slim triangle has few.
+        let [across, along] = [(b - a).length(), (c - a).length()];
+        let [steps_u, steps_v] = [across, along].map(|edge| (edge / spacing).ceil().clamp(1.0, 2000.0));
+        let radius = 0.8 * (across / steps_u).max(along / steps_v);
+        for i in 0..steps_u as usize {
+            let u = (i as f32 + 0.33) / steps_u;
+            for k in 0..(steps_v * (1.0 - i as f32 / steps_u)).ceil() as usize {
+                let v = ((k as f32 + 0.33) / steps_v).min(1.0 - u);
                 let mix = color(0) * (1.0 - u - v) + color(1) * u + color(2) * v;
                 let color = mix.to_array().map(|c| c.round() as u8);
                 let center = a + (b - a) * u + (c - a) * v;
@@ -64,6 +76,16 @@ fn sampled(mesh: &Mesh, eye: Vec3) -> Vec<Disc> {
         }
     }
     discs
+}
+
+/// A triangle from the corner opposite its longest edge on.
+fn opposite_first(mesh: &Mesh, [a, b, c]: [u32; 3]) -> [u32; 3] {
+    let longest = |triangle: [u32; 3]| {
+        let [_, b, c] = mesh.corners(triangle);
+        (c - b).length_squared()
+    };
+    let turned = [[a, b, c], [b, c, a], [c, a, b]];
+    turned.into_iter().max_by(|a, b| longest(*a).total_cmp(&longest(*b))).unwrap_or([a, b, c])
 }
 
 /// At most [`MOST_DISCS`] discs: those of a cell that face the same way become one.

@@ -1,11 +1,16 @@
-// The room in 3-D with the people in it: WebGL 2, drawn when something changes.
+// A room in 3-D: WebGL 2, drawn when something changes. What is in the room is the page's own, its scene:
+//
+//   marks(flat)  draws on the floor, into Triangles
+//   bodies()     people, { x, y, radius, height, color, opacity }
+//   labels()     texts in the air, { text, place, background, ink }
 
-import { colorOf, inkOn } from "/plan.js";
-import { Triangles, capsule, cross, lookAt, minus, perspective, product, transformed, unit } from "/solids.js";
+import { Triangles, capsule, cross, lookAt, minus, perspective, product, rgb, transformed, unit } from "/solids.js";
 
 const FOV = 0.7;
 const HEADER_BYTES = 28;
 const DISC_BYTES = 12;
+const RADIUS_BYTE = 8; // of a disc
+const RADIUS_STEP_M = 0.002;
 const MOST_PITCH = 1.5;
 const KEYS = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.08], ArrowDown: [0, -0.08] };
 
@@ -55,56 +60,70 @@ const BODIES = [`#version 300 es
 
 const MARKS = [`#version 300 es
   layout(location = 0) in vec3 place; layout(location = 1) in vec4 color;
-  uniform mat4 view, projection; out vec4 tint;
-  void main() { gl_Position = projection * view * vec4(place, 1.0); tint = color; }`, `#version 300 es
+  uniform mat4 view, projection; uniform float lift; out vec4 tint;
+  void main() {
+    vec4 seen = view * vec4(place, 1.0);
+    gl_Position = projection * seen;
+    // The discs of the floor stand out of it by up to their radius: what lies on them is as near as if it were lifted.
+    vec4 lifted = projection * (seen + vec4(0.0, 0.0, min(lift, -0.5 * seen.z), 0.0));
+    gl_Position.z = lifted.z / lifted.w * gl_Position.w;
+    tint = color;
+  }`, `#version 300 es
   precision mediump float;
   in vec4 tint; out vec4 color;
   void main() { color = vec4(tint.rgb, 1.0) * tint.a; }`];
 
-const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
+// A colour of the style sheet, with an opacity.
+export function styleColor(name, opacity) {
+  return [...rgb(getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim()), opacity];
+}
 
 export class Space {
-  #frame = null;
-  #trails = new Map();
   #pointers = new Map();
   #isDue = false;
 
-  constructor(element) {
-    this.element = element;
-    this.canvas = element.querySelector("canvas");
-    this.names = element.querySelector("#names");
+  // Fills an element.
+  constructor(element, scene) {
+    Object.assign(this, { element, scene });
+    this.canvas = document.createElement("canvas");
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "img");
+    this.canvas.ariaLabel = "Room in 3-D. Drag to turn, wheel or pinch to zoom, right button or two fingers to move.";
+    this.labels = document.createElement("div");
+    this.labels.className = "labels";
     this.gl = this.canvas.getContext("webgl2", { antialias: true, alpha: true });
-    element.querySelector("#no-space").hidden = this.gl !== null;
-    if (!this.gl) return;
+    element.classList.add("space");
+    element.replaceChildren(this.canvas, this.labels);
+    if (!this.gl) {
+      const without = document.createElement("p");
+      without.textContent = "This browser has no WebGL 2.";
+      element.append(without);
+      return;
+    }
     this.#prepare();
     this.#listen();
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.redraw());
   }
 
-  // Surfaces are fetched when the view is opened for the first time.
-  async load(room) {
-    this.room = room;
-    const [low, high] = room.plan;
-    this.target = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.6];
-    this.whole = Math.hypot(high[0] - low[0], high[1] - low[1]);
-    Object.assign(this, { yaw: -2.1, pitch: 0.85, distance: this.whole * 1.15 });
-    if (!this.gl) return;
-    if (room.has_surfaces) {
-      const response = await fetch("/surfaces");
-      if (response.ok) this.#take(await response.arrayBuffer());
+  // `bounds` are the smallest and the largest corner of the shown floor, `cameras` have name, center and frustum, and
+  // `surfaces` is the address of the room's surfaces, null without any.
+  async load({ bounds: [low, high], cameras, surfaces }) {
+    if (!this.cameras) {
+      this.target = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.6];
+      this.whole = Math.hypot(high[0] - low[0], high[1] - low[1]);
+      Object.assign(this, { yaw: -2.1, pitch: 0.85, distance: this.whole * 1.15 });
     }
+    this.cameras = cameras;
+    if (!this.gl) return;
     this.redraw();
-  }
-
-  show(frame, trails) {
-    this.#frame = frame;
-    this.#trails = trails;
+    const response = surfaces && await fetch(surfaces);
+    if (response?.ok) this.#take(await response.arrayBuffer());
     this.redraw();
   }
 
   redraw() {
-    if (this.#isDue || !this.gl || !this.room || this.element.hidden) return;
+    if (this.#isDue || !this.gl || !this.cameras || this.element.hidden) return;
     this.#isDue = true;
     requestAnimationFrame(() => {
       this.#isDue = false;
@@ -147,6 +166,7 @@ export class Space {
     this.bodyArray = this.#array(this.body, [[4, gl.FLOAT, false, 0]], 16);
     this.markArray = this.#array(null, [[3, gl.FLOAT, false, 0], [4, gl.FLOAT, false, 12]], 28);
     this.count = 0;
+    this.lift = 0.01;
   }
 
   #take(bytes) {
@@ -155,6 +175,10 @@ export class Space {
     this.count = header.getUint32(0, true);
     const floats = (at) => [0, 4, 8].map((i) => header.getFloat32(at + i, true));
     Object.assign(this, { low: floats(4), step: floats(16) });
+    let sum = 0;
+    for (let i = 0; i < this.count; i += 1) sum += header.getUint8(HEADER_BYTES + DISC_BYTES * i + RADIUS_BYTE);
+    this.canvas.dataset.discs = this.count;
+    this.lift = Math.max((2 * RADIUS_STEP_M * sum) / Math.max(this.count, 1), 0.01);
     this.discArray = this.#array(new Uint8Array(bytes, HEADER_BYTES), [
       [3, gl.UNSIGNED_SHORT, false, 0], [2, gl.BYTE, true, 6], [1, gl.UNSIGNED_BYTE, false, 8], [3, gl.UNSIGNED_BYTE, true, 9],
     ], DISC_BYTES);
@@ -187,49 +211,39 @@ export class Space {
     if (this.count > 0) {
       const at = use(this.discs);
       gl.uniform3fv(at("low"), this.low);
-      // Radii come in steps of two millimetres.
       gl.uniform3fv(at("step_m"), this.step);
       gl.uniform3fv(at("eye"), eye);
-      gl.uniform1f(at("height_px"), height * 0.002);
+      gl.uniform1f(at("height_px"), height * RADIUS_STEP_M);
       gl.bindVertexArray(this.discArray.array);
       gl.drawArrays(gl.POINTS, 0, this.count);
     }
-    const at = use(this.bodies);
-    gl.bindVertexArray(this.bodyArray.array);
-    for (const { id, x, y, radius, height: tall, confidence } of this.#frame?.people ?? []) {
-      gl.uniform4f(at("tint"), ...rgb(colorOf(this.room, id)), 1);
-      gl.uniform2f(at("place"), x, y);
-      gl.uniform1f(at("radius"), Math.min(radius, 0.3));
-      gl.uniform1f(at("height"), tall);
-      gl.enable(gl.BLEND);
-      gl.blendColor(0, 0, 0, Math.max(confidence, 0.4));
-      gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
-      gl.drawArrays(gl.TRIANGLES, 0, this.body.length / 4);
-    }
+    this.#drawBodies(use);
     this.#drawMarks(use);
-    this.#placeNames(product(projection, view));
+    this.#placeLabels(product(projection, view));
   }
 
-  // On the floor and in the air: zones, regions, lines, trails, cameras. The floor is uneven, so they are drawn over it.
+  #drawBodies(use) {
+    const { gl } = this;
+    const at = use(this.bodies);
+    gl.bindVertexArray(this.bodyArray.array);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
+    for (const { x, y, radius, height, color, opacity } of this.scene.bodies()) {
+      gl.uniform4f(at("tint"), ...rgb(color), 1);
+      gl.uniform2f(at("place"), x, y);
+      gl.uniform1f(at("radius"), radius);
+      gl.uniform1f(at("height"), height);
+      gl.blendColor(0, 0, 0, opacity);
+      gl.drawArrays(gl.TRIANGLES, 0, this.body.length / 4);
+    }
+  }
+
+  // On the floor, which is uneven, so that they are drawn over it; and the cameras.
   #drawMarks(use) {
-    const { gl, room } = this;
-    const style = getComputedStyle(document.documentElement);
-    const color = (name, alpha) => [...rgb(style.getPropertyValue(`--${name}`).trim()), alpha];
+    const { gl } = this;
     const flat = new Triangles();
-    for (const [areas, name] of [[room.zones, "zone"], [room.regions, "region"]]) {
-      for (const { polygon } of areas) {
-        flat.fill(polygon, 0.05, color(name, 0.22));
-        flat.ribbon([...polygon, polygon[0]], 0.035, 0.055, color(name, 0.9));
-      }
-    }
-    for (const { points } of room.lines) flat.ribbon(points, 0.06, 0.06, color("tripwire", 0.95));
-    for (const { id, x, y, sigma, radius } of this.#frame?.people ?? []) {
-      const tint = rgb(colorOf(room, id));
-      const trail = this.#trails.get(id) ?? [];
-      flat.ribbon(trail, 0.05, 0.065, (i) => [...tint, 0.1 + (0.75 * i) / trail.length]);
-      flat.disc([x, y], radius + 2 * sigma[0], radius + 2 * sigma[1], 0.06, [...tint, 0.3]);
-    }
-    use(this.marks);
+    this.scene.marks(flat);
+    gl.uniform1f(use(this.marks)("lift"), this.lift);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.bindVertexArray(this.markArray.array);
@@ -238,13 +252,13 @@ export class Space {
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(flat.data), gl.STREAM_DRAW);
     gl.drawArrays(gl.TRIANGLES, 0, flat.data.length / 7);
     gl.depthMask(true);
-    this.#drawCameras(color("camera", 1));
+    this.#drawCameras(styleColor("camera", 1));
   }
 
   #drawCameras(tint) {
     const { gl } = this;
     const lines = [];
-    for (const { center, frustum } of this.room.cameras) {
+    for (const { center, frustum } of this.cameras) {
       frustum.forEach((corner, i) => {
         for (const p of [center, corner, corner, frustum[(i + 1) % frustum.length]]) lines.push(...p, ...tint);
       });
@@ -253,19 +267,17 @@ export class Space {
     gl.drawArrays(gl.LINES, 0, lines.length / 7);
   }
 
-  #placeNames(clip_from_world) {
-    const people = (this.#frame?.people ?? []).map(({ id, x, y, height }) => ({ text: id, place: [x, y, height + 0.2], color: colorOf(this.room, id) }));
-    const cameras = this.room.cameras.map(({ name, center }) => ({ text: name, place: center }));
-    const all = cameras.concat(people);
-    while (this.names.children.length > all.length) this.names.lastChild.remove();
-    all.forEach(({ text, place, color }, i) => {
-      const label = this.names.children[i] ?? this.names.appendChild(document.createElement("span"));
+  #placeLabels(clip_from_world) {
+    const all = this.cameras.map(({ name, center }) => ({ text: name, place: center })).concat(this.scene.labels());
+    while (this.labels.children.length > all.length) this.labels.lastChild.remove();
+    all.forEach(({ text, place, background, ink }, i) => {
+      const label = this.labels.children[i] ?? this.labels.appendChild(document.createElement("span"));
       const [x, y, , w] = transformed(clip_from_world, place);
       label.hidden = w <= 0;
       label.textContent = text;
-      label.className = color ? "person" : "camera";
-      label.style.background = color ?? "";
-      label.style.color = color ? inkOn(color) : "";
+      label.className = background ? "" : "camera";
+      label.style.background = background ?? "";
+      label.style.color = ink ?? "";
       const [u, v] = [(0.5 + (0.5 * x) / w) * this.canvas.clientWidth, (0.5 - (0.5 * y) / w) * this.canvas.clientHeight];
       label.style.transform = `translate(${u.toFixed(1)}px, ${v.toFixed(1)}px) translate(-50%, -50%)`;
     });
@@ -307,6 +319,7 @@ export class Space {
       event.preventDefault();
       this.#zoom(Math.exp(event.deltaY * 0.0012));
     }, { passive: false });
+    // The whole room again.
     canvas.addEventListener("dblclick", () => {
       Object.assign(this, { distance: this.whole * 1.15 });
       this.redraw();
@@ -323,7 +336,7 @@ export class Space {
   // One finger or the left button turns; two fingers zoom and move; another button moves.
   #drag(event) {
     const before = this.#pointers.get(event.pointerId);
-    if (!before || !this.room) return;
+    if (!before || !this.cameras) return;
     const now = [event.clientX, event.clientY];
     const [dx, dy] = [now[0] - before[0], now[1] - before[1]];
     const other = [...this.#pointers].find(([id]) => id !== event.pointerId)?.[1];
