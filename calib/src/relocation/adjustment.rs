@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Isometry3, Matrix2, Matrix6, SMatrix, SVector, Vector6};
 
 use super::sighting::{AGREES_SIGMAS, Sighting};
-use super::{Doubt, LEAST_AGREEING, LEAST_CELLS, MOST_SIGMA_DEG, MOST_SIGMA_M, MOST_SIGMA_SHARE, Relocation};
+use super::{Doubt, LEAST_AGREEING, LEAST_CELLS, Relocation};
 use crate::Intrinsics;
 use crate::least_squares::{Loss, NormalEquations, Options, Problem, by_pose, minimise, moved_pose};
 
@@ -121,6 +121,11 @@ pub(super) fn adjusted_with_depths(
     best.map_or_else(|| (*start, near), |(_, pose, scaled)| (pose, scaled))
 }
 
+/// Number of sightings that agree with a pose.
+pub(super) fn agreeing(intrinsics: &Intrinsics, sightings: &[Sighting], pose: &Isometry3<f64>) -> usize {
+    sightings.iter().filter(|s| s.squared(intrinsics, pose) < AGREES_SIGMAS * AGREES_SIGMAS).count()
+}
+
 /// The pose with its uncertainty, or the reason for which it is not to be trusted. `matches` is the number of sightings
 /// by looks alone.
 pub(super) fn judged(
@@ -167,10 +172,7 @@ pub(super) fn judged(
     let sigma_m = sigmas[0].0.max(sigmas[1].0);
     let sigma_deg = sigmas[0].1.max(sigmas[1].1);
     distances_m.sort_by(f64::total_cmp);
-    let most_m = MOST_SIGMA_M.max(MOST_SIGMA_SHARE * distances_m[distances_m.len() / 2]);
-    if !(sigma_m <= most_m && sigma_deg <= MOST_SIGMA_DEG) {
-        return Err(Doubt::Uncertain { sigma_m, sigma_deg });
-    }
     let rms_px = (squared_px / agreeing as f64).sqrt();
-    Ok(Relocation { camera_from_world: *pose, sigma_m, sigma_deg, matches, agreeing, rms_px })
+    let found = Relocation { camera_from_world: *pose, sigma_m, sigma_deg, matches, agreeing, rms_px };
+    found.certain(distances_m[distances_m.len() / 2])
 }

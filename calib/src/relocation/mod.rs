@@ -10,6 +10,7 @@
 //! * [`relocate`] — matches them with the keypoints of a new picture, finds the pose that most matches agree on
 //!   (three points at a time, M. Fischler & R. Bolles, CACM 24, 1981), searches further matches near their predicted
 //!   pixels, and adjusts the pose.
+//! * [`recognise`] — the same without the judgement, for those who adjust the pose further.
 //! * [`Relocation`] — pose and standard deviations; [`Doubt`] — the reason for which there is none.
 //!
 //! The depth of a landmark is uncertain, far more so at the edges of things. Its uncertainty is propagated into the
@@ -183,6 +184,42 @@ impl fmt::Display for Doubt {
     }
 }
 
+/// Pose at which most matches agree, before it is judged.
+#[derive(Debug, Clone)]
+pub struct Recognised {
+    /// The pose, `X_camera = camera_from_world · X_world`.
+    pub camera_from_world: Isometry3<f64>,
+    /// Number of landmarks that were recognised by their descriptors.
+    pub matches: usize,
+    sightings: Vec<Sighting>,
+}
+
+impl Recognised {
+    /// The pose with its uncertainty.
+    ///
+    /// # Errors
+    /// [`Doubt`] of a pose that is not certain enough.
+    pub fn judged(&self, intrinsics: &Intrinsics) -> std::result::Result<Relocation, Doubt> {
+        adjustment::judged(intrinsics, &self.sightings, &self.camera_from_world, self.matches)
+    }
+}
+
+impl Relocation {
+    /// The pose itself where it is certain enough; `distance_m` is the median distance of what it was estimated from.
+    ///
+    /// # Errors
+    /// [`Doubt::Uncertain`].
+    pub fn certain(self, distance_m: f64) -> std::result::Result<Self, Doubt> {
+        let (sigma_m, sigma_deg) = (self.sigma_m, self.sigma_deg);
+        let most_m = MOST_SIGMA_M.max(MOST_SIGMA_SHARE * distance_m);
+        if sigma_m <= most_m && sigma_deg <= MOST_SIGMA_DEG {
+            Ok(self)
+        } else {
+            Err(Doubt::Uncertain { sigma_m, sigma_deg })
+        }
+    }
+}
+
 /// Estimates the pose at which a camera with these intrinsics took a picture of their size, from the landmarks of one or
 /// more reference pictures. The same pictures give the same pose.
 ///
@@ -193,6 +230,18 @@ pub fn relocate(
     intrinsics: &Intrinsics,
     references: &[Landmarks],
 ) -> Result<std::result::Result<Relocation, Doubt>> {
+    Ok(recognise(picture, intrinsics, references)?.and_then(|found| found.judged(intrinsics)))
+}
+
+/// Pose of [`relocate`], however uncertain.
+///
+/// # Errors
+/// [`crate::Error::OpenCv`].
+pub fn recognise(
+    picture: &GrayImage,
+    intrinsics: &Intrinsics,
+    references: &[Landmarks],
+) -> Result<std::result::Result<Recognised, Doubt>> {
     let keypoints = Keypoints::find(picture, MOST_KEYPOINTS, CONTRAST)?;
     let seen = |reference: usize, pairs: Vec<(usize, usize)>| {
         let landmarks = &references[reference];
@@ -228,6 +277,10 @@ pub fn relocate(
         })
         .map(sighting)
         .collect();
-    let (pose, by_place) = adjustment::adjusted_with_depths(intrinsics, &by_place, &rough);
-    Ok(adjustment::judged(intrinsics, &by_place, &pose, matches))
+    let (camera_from_world, sightings) = adjustment::adjusted_with_depths(intrinsics, &by_place, &rough);
+    let agreeing = adjustment::agreeing(intrinsics, &sightings, &camera_from_world);
+    if agreeing < LEAST_AGREEING {
+        return Ok(Err(Doubt::Unrecognised { agreeing, matches }));
+    }
+    Ok(Ok(Recognised { camera_from_world, matches, sightings }))
 }
