@@ -1,13 +1,12 @@
 //! `recon relocate`: where a camera of a finished room stands now, from one picture.
 //!
 //! The landmarks are keypoints of the room's reference pictures, the camera's own and the others', lifted by the room's
-//! depth; [`calib::relocation`] recognises the view by them. Then corners of the reference pictures are registered in the
-//! new one ([`registration`]), and the pose is adjusted together with what is wrong of the room's depth ([`depth_field`]).
+//! depth; [`calib::relocation`] recognises the view by them. Then corners of the camera's own reference picture are
+//! registered in the new one ([`registration`]), and the pose is adjusted to them.
 //! What follows from a new pose: the camera's reference picture, which
 //! shows the view from its pose, becomes the new picture. Depth maps are rendered from the geometry and are kept under a
 //! hash of the pose, so they need no care; geometry, floor and zones are the room's, not the camera's.
 
-mod depth_field;
 mod registration;
 
 use std::path::{Path, PathBuf};
@@ -22,7 +21,7 @@ use scenes::depth::{self, DepthMap};
 use scenes::room::{MovedCamera, Room, RoomCamera, save_moved_camera};
 
 use crate::{Error, Result};
-use registration::{Correspondence, ReferenceCorners};
+use registration::ReferenceCorners;
 
 /// Larger side to which pictures are brought, pixels: more tells keypoints no better and takes longer.
 const SIDE_PX: u32 = 1600;
@@ -144,37 +143,33 @@ fn pose(
         Ok(recognised) => recognised,
         Err(doubt) => return Ok(Err(doubt)),
     };
+    // Corners of the camera's own picture alone: where the other cameras stand is not certain to a few millimetres.
+    let Some(own) = &references.own_corners else { return Ok(recognised.judged(intrinsics)) };
     let now = registration::intensity(picture);
     let mut pose = recognised.camera_from_world;
-    let mut found = Err(Doubt::Unrecognised { agreeing: 0, matches: recognised.matches });
+    let mut refined = None;
     for _ in 0..REGISTRATIONS {
-        let of_one =
-            |(index, corners): (usize, &ReferenceCorners)| corners.found_in(index, &now, intrinsics, &pose);
-        let seen: Vec<Correspondence> = references.corners.iter().enumerate().flat_map(of_one).collect();
-        let judged = depth_field::pose(intrinsics, &seen, &references.is_own, &pose, recognised.matches);
-        if let Ok(better) = &judged {
-            pose = better.camera_from_world;
-        }
-        found = judged;
+        let seen = own.found_in(&now, intrinsics, &pose);
+        refined = relocation::refined(intrinsics, &seen, &pose, recognised.matches).ok();
+        let Some((found, _)) = &refined else { break };
+        pose = found.camera_from_world;
     }
-    // Pictures that are like the references only in their keypoints, such as those of another season.
-    if matches!(found, Err(Doubt::Unrecognised { .. })) {
-        return Ok(recognised.judged(intrinsics));
-    }
-    Ok(found)
+    Ok(match refined {
+        Some((found, distance_m)) => found.certain(distance_m),
+        // The view has changed too much for patches, or only other cameras' pictures show it.
+        None => recognised.judged(intrinsics),
+    })
 }
 
 /// The reference pictures that can be used, the camera's own first.
 struct References {
     landmarks: Vec<Landmarks>,
-    corners: Vec<ReferenceCorners>,
-    /// Whether a picture is the camera's own.
-    is_own: Vec<bool>,
+    own_corners: Option<ReferenceCorners>,
 }
 
 fn references(room_dir: &Path, room: &Room, own: &RoomCamera) -> Result<References> {
     let others = room.cameras.iter().filter(|other| other.name != own.name);
-    let mut found = References { landmarks: Vec::new(), corners: Vec::new(), is_own: Vec::new() };
+    let mut found = References { landmarks: Vec::new(), own_corners: None };
     for camera in std::iter::once(own).chain(others) {
         let Some(path) = &camera.reference else { continue };
         let path = room_dir.join(path);
@@ -195,8 +190,10 @@ fn references(room_dir: &Path, room: &Room, own: &RoomCamera) -> Result<Referenc
         let view = Camera { intrinsics, camera_from_world: camera.camera.camera_from_world };
         let twin = k.pinhole();
         found.landmarks.push(Landmarks::of(&grey, &view, |ray| depth_along(&map, &twin, ray))?);
-        found.corners.push(ReferenceCorners::of(&grey, &view, |ray| depth_along(&map, &twin, ray))?);
-        found.is_own.push(camera.name == own.name);
+        if camera.name == own.name {
+            let corners = ReferenceCorners::of(&grey, &view, |ray| depth_along(&map, &twin, ray))?;
+            found.own_corners = Some(corners);
+        }
     }
     if found.landmarks.is_empty() {
         return Err(Error::content(

@@ -1,10 +1,10 @@
 //! Corners of reference pictures, registered in a new picture that was taken at a roughly known pose.
 //!
-//! A corner's patch is followed by [`crate::features`]' registration, which is ten times as precise as where a detector
-//! finds a keypoint twice, and finds corners that descriptors do not tell apart. The rough pose and the scene's depth tell
+//! A corner's patch is followed by [`crate::features`]' registration, which is more precise than the places at which a
+//! detector finds one keypoint twice, and finds corners that descriptors do not tell apart. The rough pose and the scene's depth tell
 //! where to begin, and how the patch is seen from there.
 
-use calib::relocation::SceneDepth;
+use calib::relocation::{self, SceneDepth, Sighting};
 use calib::vision::flow;
 use calib::{Camera, Intrinsics};
 use image::{DynamicImage, GrayImage};
@@ -25,6 +25,9 @@ const RADIUS_PX: i32 = 8;
 const LEAST_CORRELATION: f64 = 0.85;
 /// Largest distance from the corner of a registration back into the reference picture, pixels.
 const MOST_RETURN_PX: f64 = 0.7;
+/// Standard deviation of a registered corner's pixel: of its patch, whose surface is no plane, rather than of the
+/// registration.
+const PIXEL_SIGMA_PX: f64 = 0.3;
 /// Factors of the depth that registration begins from, the likeliest first: surfaces are wrong by some percent.
 const DEPTH_FACTORS: [f64; 5] = [1.0, 0.94, 1.06, 0.85, 1.18];
 /// Least distance between two beginnings, pixels: registration reaches that far by itself.
@@ -45,23 +48,6 @@ pub(super) struct ReferenceCorners {
     intensity: Intensity,
     camera: Camera,
     corners: Vec<Corner>,
-}
-
-/// Corner that was found in the new picture.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Correspondence {
-    /// Index of the reference picture.
-    pub(super) reference: usize,
-    /// Place in the reference picture, both coordinates from 0 to 1.
-    pub(super) place: Vector2<f64>,
-    /// Scene point in the world.
-    pub(super) world: Point3<f64>,
-    /// Scene point from the reference camera's centre, in the world's axes: the way in which another depth moves it.
-    pub(super) from_center: Vector3<f64>,
-    /// Standard deviation of the depth as a share of it.
-    pub(super) depth_sigma: f64,
-    /// Pixel in the new picture.
-    pub(super) pixel: Point2<f64>,
 }
 
 impl ReferenceCorners {
@@ -90,24 +76,21 @@ impl ReferenceCorners {
     /// The corners that are found in a picture near where a pose predicts them.
     pub(super) fn found_in(
         &self,
-        reference: usize,
         picture: &Intensity,
         intrinsics: &Intrinsics,
         camera_from_world: &Isometry3<f64>,
-    ) -> Vec<Correspondence> {
+    ) -> Vec<Sighting> {
         let world_from_reference = self.camera.camera_from_world.inverse();
         let camera_from_reference = camera_from_world * world_from_reference;
-        let size = (f64::from(self.camera.intrinsics.width), f64::from(self.camera.intrinsics.height));
+        let size = (self.camera.intrinsics.width, self.camera.intrinsics.height);
         let found = |corner: &Corner| {
             let pixel = self.registered(corner, picture, intrinsics, &camera_from_reference)?;
-            let from_center = world_from_reference * (corner.ray * corner.depth.z_m);
-            Some(Correspondence {
-                reference,
-                place: Vector2::new((corner.pixel.x + 0.5) / size.0, (corner.pixel.y + 0.5) / size.1),
-                world: self.camera.center() + from_center,
-                from_center,
-                depth_sigma: corner.depth.sigma_m / corner.depth.z_m,
+            Some(Sighting {
+                world: world_from_reference * Point3::from(corner.ray * corner.depth.z_m),
+                depth_step: world_from_reference * (corner.ray * corner.depth.sigma_m),
                 pixel,
+                pixel_sigma_px: PIXEL_SIGMA_PX,
+                cell: relocation::cell(&corner.pixel, size),
             })
         };
         self.corners.par_iter().map(found).collect::<Vec<_>>().into_iter().flatten().collect()
