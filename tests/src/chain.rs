@@ -25,15 +25,15 @@ pub fn run(command: &mut Command) -> StepResult<String> {
     Err(format!("{command:?}: {}: {}", output.status, String::from_utf8_lossy(&output.stderr)))
 }
 
-/// `roomtrack recon build` of a capture project with its zones.
+/// `roomtrack recon build` of a capture project with its zones, where it has some.
 pub fn build_room(project: &Path, room: &Path) -> StepResult<String> {
-    run(program("roomtrack")
-        .args(["recon", "build"])
-        .arg(project.join("room.toml"))
-        .arg("--zones")
-        .arg(project.join("zones.toml"))
-        .arg("--out")
-        .arg(room))
+    let mut build = program("roomtrack");
+    build.args(["recon", "build"]).arg(project.join("room.toml")).arg("--out").arg(room);
+    let zones = project.join("zones.toml");
+    if zones.is_file() {
+        build.arg("--zones").arg(zones);
+    }
+    run(&mut build)
 }
 
 /// `tracker run` of the office's two videos without film, with further options.

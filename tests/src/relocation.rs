@@ -1,9 +1,10 @@
 //! Views of cameras that have been bumped: frames of a capture, taken nearby, turned further by a homography; or the
 //! reference picture, seen from elsewhere by the true depth of its pixels.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use calib::Intrinsics;
+use calib::video::FrameSource;
 use glam::Vec3;
 use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
@@ -49,7 +50,7 @@ pub fn bumped_views(
     let poses = capture_truth(&truth, camera).ok_or("no true poses of the capture")?;
     let frames = frames(data, camera)?;
     let seen_from_installed = |pose: &Isometry3<f64>| pose * installed.inverse();
-    let near: Vec<(&PathBuf, Isometry3<f64>)> = frames
+    let near: Vec<(&RgbImage, Isometry3<f64>)> = frames
         .iter()
         .zip(&poses)
         .map(|(frame, pose)| (frame, seen_from_installed(pose)))
@@ -72,8 +73,7 @@ pub fn bumped_views(
         if !TURNED_DEG.contains(&now.rotation.angle().to_degrees()) {
             continue;
         }
-        let picture = calib::picture::read(frame).map_err(|e| e.to_string())?.into_rgb8();
-        views.push(BumpedView { picture: turned(&picture, lens, &turn), now_from_installed: now });
+        views.push(BumpedView { picture: turned(frame, lens, &turn), now_from_installed: now });
     }
     Ok(views)
 }
@@ -90,8 +90,7 @@ pub fn rendered_views(
     count: usize,
     seed: u64,
 ) -> Result<Vec<BumpedView>, String> {
-    let reference = frames(data, camera)?.pop().ok_or("an empty capture")?;
-    let picture = calib::picture::read(&reference).map_err(|e| e.to_string())?.into_rgb8();
+    let picture = frames(data, camera)?.pop().ok_or("an empty capture")?;
     let depth = png::read(&data.join(format!("depth_{camera}.png"))).map_err(|e| e.to_string())?;
     let scene = RayScene::new(&surface(&depth, lens)).map_err(|e| e.to_string())?;
     let mut random = Pcg64::seed_from_u64(seed);
@@ -149,12 +148,20 @@ fn glam(v: &Vector3<f64>) -> Vec3 {
     Vec3::new(v.x as f32, v.y as f32, v.z as f32)
 }
 
-/// Files of a capture, in their order.
-fn frames(data: &Path, camera: &str) -> Result<Vec<PathBuf>, String> {
-    let folder = std::fs::read_dir(data.join("capture").join(camera)).map_err(|e| e.to_string())?;
-    let mut frames: Vec<PathBuf> = folder.filter_map(|entry| Some(entry.ok()?.path())).collect();
-    frames.sort();
-    Ok(frames)
+/// Pictures of a capture, a folder or a film, in their order.
+fn frames(data: &Path, camera: &str) -> Result<Vec<RgbImage>, String> {
+    let folder = data.join("capture").join(camera);
+    let capture = if folder.is_dir() { folder } else { folder.with_extension("mp4") };
+    let mut film = FrameSource::open(&capture.to_string_lossy()).map_err(|e| e.to_string())?;
+    let (width, height) = film.size();
+    let mut frames = Vec::new();
+    loop {
+        let mut frame = RgbImage::new(width, height);
+        if !film.read(&mut frame).map_err(|e| e.to_string())? {
+            return Ok(frames);
+        }
+        frames.push(frame);
+    }
 }
 
 /// Picture of a camera after it has turned in place, `now_from_before`; black where the picture before has nothing.

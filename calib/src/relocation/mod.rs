@@ -10,6 +10,7 @@
 //! * [`relocate`] — matches them with the keypoints of a new picture, finds the pose that most matches agree on
 //!   (three points at a time, M. Fischler & R. Bolles, CACM 24, 1981), searches further matches near their predicted
 //!   pixels, and adjusts the pose.
+//! * [`recognise`], [`refined`] — the same without the judgement, and the adjustment to sightings that are more precise.
 //! * [`Relocation`] — pose and standard deviations; [`Doubt`] — the reason for which there is none.
 //!
 //! The depth of a landmark is uncertain, far more so at the edges of things. Its uncertainty is propagated into the
@@ -25,11 +26,11 @@ mod tests;
 use std::fmt;
 
 use image::GrayImage;
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
 use crate::vision::Keypoints;
 use crate::{Camera, Intrinsics, Result};
-use sighting::Sighting;
+pub use sighting::Sighting;
 
 /// Least contrast of a keypoint; half of Lowe's, for plain walls.
 const CONTRAST: f64 = 0.02;
@@ -41,6 +42,8 @@ const RATIO: f32 = 0.85;
 const NEAR_RATIO: f32 = 0.9;
 /// Distance from a landmark's predicted pixel within which a further match is searched, pixels.
 const NEAR_PX: f64 = 6.0;
+/// Standard deviation of a keypoint's pixel, of both pictures together.
+const KEYPOINT_SIGMA_PX: f64 = 0.7;
 /// Columns and rows of the grid over a reference picture, each cell of which is one observation.
 const GRID: [u32; 2] = [6, 5];
 /// Fewest matches that must agree on the pose. Pictures of other rooms reach about half as many by chance.
@@ -93,9 +96,6 @@ impl Landmarks {
     ) -> Result<Self> {
         let keypoints = Keypoints::find(picture, MOST_KEYPOINTS, CONTRAST)?;
         let world_from_camera = camera.camera_from_world.inverse();
-        let cells = |position: f64, side: u32, count: u32| {
-            ((position + 0.5) / f64::from(side) * f64::from(count)).clamp(0.0, f64::from(count - 1)) as u32
-        };
         let (mut kept, mut places) = (Vec::new(), Vec::new());
         for (index, pixel) in keypoints.pixels.iter().enumerate() {
             let Some(ray) = camera.intrinsics.unproject(pixel) else { continue };
@@ -104,8 +104,7 @@ impl Landmarks {
             places.push(Landmark {
                 world: world_from_camera * Point3::from(ray * z_m),
                 depth_step: world_from_camera * (ray * sigma_m),
-                cell: cells(pixel.x, picture.width(), GRID[0])
-                    + GRID[0] * cells(pixel.y, picture.height(), GRID[1]),
+                cell: cell(pixel, picture.dimensions()),
             });
         }
         Ok(Self { keypoints: keypoints.chosen(&kept), places })
@@ -183,6 +182,44 @@ impl fmt::Display for Doubt {
     }
 }
 
+/// Pose at which most matches agree, before it is judged.
+#[derive(Debug, Clone)]
+pub struct Recognised {
+    /// The pose, `X_camera = camera_from_world · X_world`.
+    pub camera_from_world: Isometry3<f64>,
+    /// Number of landmarks that were recognised by their descriptors.
+    pub matches: usize,
+    sightings: Vec<Sighting>,
+}
+
+impl Recognised {
+    /// The pose with its uncertainty.
+    ///
+    /// # Errors
+    /// [`Doubt`] of a pose that is not certain enough.
+    pub fn judged(&self, intrinsics: &Intrinsics) -> std::result::Result<Relocation, Doubt> {
+        let (found, distance_m) =
+            adjustment::judged(intrinsics, &self.sightings, &self.camera_from_world, self.matches)?;
+        found.certain(distance_m)
+    }
+}
+
+impl Relocation {
+    /// The pose itself where it is certain enough; `distance_m` is the median distance of what it was estimated from.
+    ///
+    /// # Errors
+    /// [`Doubt::Uncertain`].
+    pub fn certain(self, distance_m: f64) -> std::result::Result<Self, Doubt> {
+        let (sigma_m, sigma_deg) = (self.sigma_m, self.sigma_deg);
+        let most_m = MOST_SIGMA_M.max(MOST_SIGMA_SHARE * distance_m);
+        if sigma_m <= most_m && sigma_deg <= MOST_SIGMA_DEG {
+            Ok(self)
+        } else {
+            Err(Doubt::Uncertain { sigma_m, sigma_deg })
+        }
+    }
+}
+
 /// Estimates the pose at which a camera with these intrinsics took a picture of their size, from the landmarks of one or
 /// more reference pictures. The same pictures give the same pose.
 ///
@@ -193,6 +230,47 @@ pub fn relocate(
     intrinsics: &Intrinsics,
     references: &[Landmarks],
 ) -> Result<std::result::Result<Relocation, Doubt>> {
+    Ok(recognise(picture, intrinsics, references)?.and_then(|found| found.judged(intrinsics)))
+}
+
+/// Cell of a pixel in the grid over a reference picture of some size, for [`Sighting::cell`]; those of further reference
+/// pictures need other numbers.
+pub fn cell(pixel: &Point2<f64>, (width, height): (u32, u32)) -> u32 {
+    let along = |position: f64, side: u32, count: u32| {
+        ((position + 0.5) / f64::from(side) * f64::from(count)).clamp(0.0, f64::from(count - 1)) as u32
+    };
+    along(pixel.x, width, GRID[0]) + GRID[0] * along(pixel.y, height, GRID[1])
+}
+
+/// Pose of least weighted residuals near `start`, and the median distance of what it was estimated from; for sightings that
+/// are more precise than keypoints. Its uncertainty holds what the depths of whole surfaces may have wrong. `matches` is the
+/// number of landmarks that were recognised.
+///
+/// # Errors
+/// [`Doubt`] where too few sightings agree, or too few parts of the picture; an uncertain pose is no error, see
+/// [`Relocation::certain`].
+pub fn refined(
+    intrinsics: &Intrinsics,
+    sightings: &[Sighting],
+    start: &Isometry3<f64>,
+    matches: usize,
+) -> std::result::Result<(Relocation, f64), Doubt> {
+    let (pose, weighted) = adjustment::adjusted_with_depths(intrinsics, sightings, start);
+    let (found, distance_m) = adjustment::judged(intrinsics, &weighted, &pose, matches)?;
+    let (sigma_m, sigma_deg) = adjustment::left_out_sigmas(intrinsics, &weighted, &pose);
+    let sigmas = (found.sigma_m.max(sigma_m), found.sigma_deg.max(sigma_deg));
+    Ok((Relocation { sigma_m: sigmas.0, sigma_deg: sigmas.1, ..found }, distance_m))
+}
+
+/// Pose of [`relocate`], however uncertain.
+///
+/// # Errors
+/// [`crate::Error::OpenCv`].
+pub fn recognise(
+    picture: &GrayImage,
+    intrinsics: &Intrinsics,
+    references: &[Landmarks],
+) -> Result<std::result::Result<Recognised, Doubt>> {
     let keypoints = Keypoints::find(picture, MOST_KEYPOINTS, CONTRAST)?;
     let seen = |reference: usize, pairs: Vec<(usize, usize)>| {
         let landmarks = &references[reference];
@@ -204,6 +282,7 @@ pub fn relocate(
         world: place.world,
         depth_step: place.depth_step,
         pixel: keypoints.pixels[keypoint],
+        pixel_sigma_px: KEYPOINT_SIGMA_PX,
         cell: reference as u32 * GRID[0] * GRID[1] + place.cell,
     };
     let by_looks: Vec<Sighting> = references
@@ -228,6 +307,10 @@ pub fn relocate(
         })
         .map(sighting)
         .collect();
-    let (pose, by_place) = adjustment::adjusted_with_depths(intrinsics, &by_place, &rough);
-    Ok(adjustment::judged(intrinsics, &by_place, &pose, matches))
+    let (camera_from_world, sightings) = adjustment::adjusted_with_depths(intrinsics, &by_place, &rough);
+    let agreeing = adjustment::agreeing(intrinsics, &sightings, &camera_from_world);
+    if agreeing < LEAST_AGREEING {
+        return Ok(Err(Doubt::Unrecognised { agreeing, matches }));
+    }
+    Ok(Ok(Recognised { camera_from_world, matches, sightings }))
 }

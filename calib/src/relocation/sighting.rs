@@ -4,20 +4,22 @@ use nalgebra::{Isometry3, Matrix2, Point2, Point3, Vector2, Vector3};
 
 use crate::Intrinsics;
 
-/// Standard deviation of a keypoint's pixel, of both pictures together.
-pub(super) const PIXEL_SIGMA_PX: f64 = 0.7;
 /// Weighted residual up to which a sighting agrees with a pose.
 pub(super) const AGREES_SIGMAS: f64 = 3.5;
 
 /// A point of the scene, and the pixel at which it may have been seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sighting {
-    pub(super) world: Point3<f64>,
+pub struct Sighting {
+    /// The point.
+    pub world: Point3<f64>,
     /// Displacement of the point by one standard deviation of its depth in the reference picture.
-    pub(super) depth_step: Vector3<f64>,
-    pub(super) pixel: Point2<f64>,
+    pub depth_step: Vector3<f64>,
+    /// The pixel.
+    pub pixel: Point2<f64>,
+    /// Standard deviation of the pixel, that of the reference picture's included.
+    pub pixel_sigma_px: f64,
     /// Cell of the reference pictures' grids: sightings of one cell share their errors.
-    pub(super) cell: u32,
+    pub cell: u32,
 }
 
 impl Sighting {
@@ -40,12 +42,13 @@ impl Sighting {
         let place = camera_from_world * self.world;
         let v = intrinsics.project_jacobian(&place) * (camera_from_world * self.depth_step);
         let squared = v.norm_squared();
-        let plain = Matrix2::identity() / PIXEL_SIGMA_PX;
+        let sigma = self.pixel_sigma_px;
+        let plain = Matrix2::identity() / sigma;
         if !(squared.is_finite() && squared > f64::MIN_POSITIVE) {
             return plain;
         }
-        let along = 1.0 - PIXEL_SIGMA_PX / (PIXEL_SIGMA_PX * PIXEL_SIGMA_PX + squared).sqrt();
-        plain - v * v.transpose() * (along / (squared * PIXEL_SIGMA_PX))
+        let along = 1.0 - sigma / (sigma * sigma + squared).sqrt();
+        plain - v * v.transpose() * (along / (squared * sigma))
     }
 
     /// Logarithm of the determinant of the residual's covariance, [`Self::whitening`]'s.

@@ -1,13 +1,17 @@
 //! `recon relocate`: where a camera of a finished room stands now, from one picture.
 //!
 //! The landmarks are keypoints of the room's reference pictures, the camera's own and the others', lifted by the room's
-//! depth; [`calib::relocation`] has the estimation. What follows from a new pose: the camera's reference picture, which
+//! depth; [`calib::relocation`] recognises the view by them. Then corners of the camera's own reference picture are
+//! registered in the new one ([`registration`]), and the pose is adjusted to them.
+//! What follows from a new pose: the camera's reference picture, which
 //! shows the view from its pose, becomes the new picture. Depth maps are rendered from the geometry and are kept under a
 //! hash of the pose, so they need no care; geometry, floor and zones are the room's, not the camera's.
 
+mod registration;
+
 use std::path::{Path, PathBuf};
 
-use calib::relocation::{Landmarks, Relocation, SceneDepth};
+use calib::relocation::{self, Doubt, Landmarks, Relocation, SceneDepth};
 use calib::video::FrameSource;
 use calib::{Camera, Intrinsics, picture};
 use image::imageops::{self, FilterType};
@@ -17,6 +21,7 @@ use scenes::depth::{self, DepthMap};
 use scenes::room::{MovedCamera, Room, RoomCamera, save_moved_camera};
 
 use crate::{Error, Result};
+use registration::ReferenceCorners;
 
 /// Larger side to which pictures are brought, pixels: more tells keypoints no better and takes longer.
 const SIDE_PX: u32 = 1600;
@@ -25,6 +30,8 @@ const SAME_PLACE_M: f64 = 0.05;
 const SAME_DEG: f64 = 2.0;
 /// Relative difference of two aspect ratios that counts as the same shape.
 const SAME_SHAPE: f64 = 0.01;
+/// Number of times that corners are registered, each time from the pose found last.
+const REGISTRATIONS: usize = 2;
 
 /// Present pose of a camera.
 #[derive(Debug, Clone)]
@@ -71,10 +78,9 @@ pub fn relocate(room_dir: &Path, room: &Room, camera_name: &str, image: &str) ->
             k.width, k.height
         )));
     }
-    let references = landmarks(room_dir, room, camera)?;
+    let references = references(room_dir, room, camera)?;
     let grey = working_size(&picture);
-    let found = calib::relocation::relocate(&grey, &k.resized(grey.width(), grey.height()), &references)?;
-    let found = found.map_err(|doubt| {
+    let found = pose(&grey, &k.resized(grey.width(), grey.height()), &references)?.map_err(|doubt| {
         refused(format!(
             "it is not certain where camera `{camera_name}` stands: {doubt}; take a sharp picture of the empty room, or build \
              the room from a new capture"
@@ -127,10 +133,43 @@ fn file_content(file: &Path, picture: &RgbImage) -> Result<(Vec<u8>, &'static st
     Ok((picture::encode(Path::new("reference.png"), picture)?, "png"))
 }
 
-/// Landmarks of the reference pictures that can be used, the camera's own first.
-fn landmarks(room_dir: &Path, room: &Room, own: &RoomCamera) -> Result<Vec<Landmarks>> {
+/// Pose of a picture: recognised by keypoints, then adjusted by registered corners where enough of them are found.
+fn pose(
+    picture: &GrayImage,
+    intrinsics: &Intrinsics,
+    references: &References,
+) -> Result<std::result::Result<Relocation, Doubt>> {
+    let recognised = match relocation::recognise(picture, intrinsics, &references.landmarks)? {
+        Ok(recognised) => recognised,
+        Err(doubt) => return Ok(Err(doubt)),
+    };
+    // Corners of the camera's own picture alone: where the other cameras stand is not certain to a few millimetres.
+    let Some(own) = &references.own_corners else { return Ok(recognised.judged(intrinsics)) };
+    let now = registration::intensity(picture);
+    let mut pose = recognised.camera_from_world;
+    let mut refined = None;
+    for _ in 0..REGISTRATIONS {
+        let seen = own.found_in(&now, intrinsics, &pose);
+        refined = relocation::refined(intrinsics, &seen, &pose, recognised.matches).ok();
+        let Some((found, _)) = &refined else { break };
+        pose = found.camera_from_world;
+    }
+    Ok(match refined {
+        Some((found, distance_m)) => found.certain(distance_m),
+        // The view has changed too much for patches, or only other cameras' pictures show it.
+        None => recognised.judged(intrinsics),
+    })
+}
+
+/// The reference pictures that can be used, the camera's own first.
+struct References {
+    landmarks: Vec<Landmarks>,
+    own_corners: Option<ReferenceCorners>,
+}
+
+fn references(room_dir: &Path, room: &Room, own: &RoomCamera) -> Result<References> {
     let others = room.cameras.iter().filter(|other| other.name != own.name);
-    let mut found = Vec::new();
+    let mut found = References { landmarks: Vec::new(), own_corners: None };
     for camera in std::iter::once(own).chain(others) {
         let Some(path) = &camera.reference else { continue };
         let path = room_dir.join(path);
@@ -150,9 +189,13 @@ fn landmarks(room_dir: &Path, room: &Room, own: &RoomCamera) -> Result<Vec<Landm
         let intrinsics = k.resized(grey.width(), grey.height());
         let view = Camera { intrinsics, camera_from_world: camera.camera.camera_from_world };
         let twin = k.pinhole();
-        found.push(Landmarks::of(&grey, &view, |ray| depth_along(&map, &twin, ray))?);
+        found.landmarks.push(Landmarks::of(&grey, &view, |ray| depth_along(&map, &twin, ray))?);
+        if camera.name == own.name {
+            let corners = ReferenceCorners::of(&grey, &view, |ray| depth_along(&map, &twin, ray))?;
+            found.own_corners = Some(corners);
+        }
     }
-    if found.is_empty() {
+    if found.landmarks.is_empty() {
         return Err(Error::content(
             room_dir,
             "reference",
