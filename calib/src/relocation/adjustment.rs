@@ -5,8 +5,8 @@
 //! S. Zeger, "Longitudinal data analysis using generalized linear models", Biometrika 73, 1986), so that a cell whose
 //! depth is wrong as a whole counts once.
 //!
-//! Registered corners are so many and so precise that what limits the pose is the depth of whole surfaces; there the
-//! jackknife over the cells joins the two ([`left_out_sigmas`]).
+//! Registered corners are so many and so precise that what limits the pose is the depth of surfaces; there the jackknife
+//! over the cells joins the two ([`left_out_sigmas`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -180,7 +180,8 @@ pub(super) fn judged(
 }
 
 /// Standard deviations of a pose without the sightings of one cell at a time (M. Quenouille, Biometrika 43, 1956): metres,
-/// degrees. What a few sightings decide, and what a whole wall has wrong, shows here even where the residuals fit.
+/// degrees. What the sightings of one cell decide shows here even where the residuals fit; an error that many cells share
+/// does not.
 pub(super) fn left_out_sigmas(
     intrinsics: &Intrinsics,
     sightings: &[Sighting],

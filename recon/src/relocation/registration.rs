@@ -150,3 +150,90 @@ impl ReferenceCorners {
 pub(super) fn intensity(picture: &GrayImage) -> Intensity {
     Intensity::new(&DynamicImage::ImageLuma8(picture.clone()).into_rgb8())
 }
+
+#[cfg(test)]
+mod tests {
+    use image::Luma;
+    use nalgebra::{Translation3, UnitQuaternion};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    /// Depth of a wall that is parallel to the reference picture, metres.
+    const WALL_M: f64 = 2.0;
+
+    /// Brightness of the wall at a place: waves of 4 to 20 cm in all directions.
+    fn texture() -> impl Fn(f64, f64) -> f64 {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        let wave = |_| {
+            let frequency = std::f64::consts::TAU / rng.random_range(0.04..0.2);
+            let angle: f64 = rng.random_range(0.0..std::f64::consts::TAU);
+            (frequency * angle.cos(), frequency * angle.sin(), rng.random_range(0.0..std::f64::consts::TAU))
+        };
+        let waves: Vec<(f64, f64, f64)> = (0..30).map(wave).collect();
+        move |x_m, y_m| {
+            let sum: f64 = waves.iter().map(|(fx, fy, phase)| (fx * x_m + fy * y_m + phase).sin()).sum();
+            128.0 + 12.0 * sum
+        }
+    }
+
+    fn intrinsics() -> Intrinsics {
+        Intrinsics::from_horizontal_fov(320, 240, 60.0)
+    }
+
+    /// Picture of the wall by a camera.
+    fn picture(camera: &Camera, texture: &impl Fn(f64, f64) -> f64) -> GrayImage {
+        let world_from_camera = camera.camera_from_world.inverse();
+        let center = camera.center();
+        GrayImage::from_fn(camera.intrinsics.width, camera.intrinsics.height, |x, y| {
+            let ray = camera.intrinsics.unproject(&Point2::new(f64::from(x), f64::from(y))).unwrap();
+            let direction = world_from_camera * ray;
+            let place = center + direction * ((WALL_M - center.z) / direction.z);
+            Luma([texture(place.x, place.y).round() as u8])
+        })
+    }
+
+    fn camera(right_m: f64, turned_deg: f64) -> Camera {
+        let turn =
+            UnitQuaternion::from_euler_angles(0.0, turned_deg.to_radians(), 0.5 * turned_deg.to_radians());
+        let pose = Isometry3::from_parts(Translation3::new(right_m, 0.02, -0.5 * right_m), turn);
+        Camera { intrinsics: intrinsics(), camera_from_world: pose.inverse() }
+    }
+
+    #[test]
+    fn corners_are_found_to_a_tenth_of_a_pixel_from_a_rough_pose_and_a_wrong_depth() {
+        let texture = texture();
+        let (reference, moved) = (camera(0.0, 0.0), camera(0.12, 4.0));
+        let new_picture = intensity(&picture(&moved, &texture));
+        let reference_picture = picture(&reference, &texture);
+        for wrong in [1.0, 1.08] {
+            let depth = |_: &Vector3<f64>| Some(SceneDepth { z_m: wrong * WALL_M, sigma_m: 0.05 });
+            let corners = ReferenceCorners::of(&reference_picture, &reference, depth).unwrap();
+            let rough = camera(0.10, 4.4).camera_from_world;
+            let found = corners.found_in(&new_picture, &intrinsics(), &rough);
+            assert!(found.len() > 100, "{} of {} corners", found.len(), corners.corners.len());
+            let error_px = |sighting: &Sighting| {
+                let from_reference = reference.camera_from_world * sighting.world;
+                let on_wall =
+                    reference.camera_from_world.inverse() * Point3::from(from_reference.coords / wrong);
+                (moved.project(&on_wall).unwrap() - sighting.pixel).norm()
+            };
+            let mut errors: Vec<f64> = found.iter().map(error_px).collect();
+            errors.sort_by(f64::total_cmp);
+            let (median, high) = (errors[errors.len() / 2], errors[errors.len() * 95 / 100]);
+            assert!(median < 0.1 && high < 0.3, "depth × {wrong}: {median} and {high} px");
+        }
+    }
+
+    #[test]
+    fn nothing_is_found_in_the_picture_of_another_wall() {
+        let texture = texture();
+        let (reference, moved) = (camera(0.0, 0.0), camera(0.12, 4.0));
+        let depth = |_: &Vector3<f64>| Some(SceneDepth { z_m: WALL_M, sigma_m: 0.05 });
+        let corners = ReferenceCorners::of(&picture(&reference, &texture), &reference, depth).unwrap();
+        let other = picture(&moved, &|x_m, y_m| texture(5.0 - y_m, 3.0 + x_m));
+        let found = corners.found_in(&intensity(&other), &intrinsics(), &moved.camera_from_world);
+        assert!(50 * found.len() < corners.corners.len(), "{} of {}", found.len(), corners.corners.len());
+    }
+}
