@@ -51,7 +51,7 @@ pub(super) fn most_probable(window: &Window<'_>, encounters: &[Encounter], rng: 
         if by_places < -HOPELESS_NATS {
             continue;
         }
-        changed.iter().for_each(|i| now[*i] = !now[*i]);
+        toggle(&mut now, &changed);
         let then = window.log_density(&now, &mut sums);
         let difference = by_places + then - sizes_nats;
         if difference >= 0.0 || rng.random::<f64>() < (difference / temperature).exp() {
@@ -62,10 +62,17 @@ pub(super) fn most_probable(window: &Window<'_>, encounters: &[Encounter], rng: 
                 best.clone_from(&now);
             }
         } else {
-            changed.iter().for_each(|i| now[*i] = !now[*i]);
+            toggle(&mut now, &changed);
         }
     }
     best
+}
+
+/// Changes the decisions of these encounters.
+fn toggle(exchanges: &mut [bool], changed: &[usize]) {
+    for i in changed {
+        exchanges[*i] = !exchanges[*i];
+    }
 }
 
 /// For each encounter, all those of the same two tracks.
