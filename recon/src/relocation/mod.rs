@@ -3,9 +3,10 @@
 //! The landmarks are keypoints of the room's reference pictures, the camera's own and the others', lifted by the room's
 //! depth; [`calib::relocation`] recognises the view by them. Then corners of the camera's own reference picture are
 //! registered in the new one ([`registration`]), and the pose is adjusted to them.
-//! What follows from a new pose: the camera's reference picture, which
-//! shows the view from its pose, becomes the new picture. Depth maps are rendered from the geometry and are kept under a
-//! hash of the pose, so they need no care; geometry, floor and zones are the room's, not the camera's.
+//!
+//! With the new pose, the new picture takes the place of the camera's reference picture, which shows the view from its pose. Depth
+//! maps are rendered from the geometry and are kept under a hash of the pose, so they need no care; geometry, floor and zones are
+//! the room's, not the camera's.
 
 mod registration;
 

@@ -227,13 +227,19 @@ mod tests {
     }
 
     #[test]
-    fn few_corners_are_found_in_the_picture_of_another_wall() {
+    fn corners_that_are_found_in_the_picture_of_another_wall_agree_on_no_pose() {
         let texture = texture();
         let (reference, moved) = (camera(0.0, 0.0), camera(0.12, 4.0));
         let depth = |_: &Vector3<f64>| Some(SceneDepth { z_m: WALL_M, sigma_m: 0.05 });
         let corners = ReferenceCorners::of(&picture(&reference, &texture), &reference, depth).unwrap();
-        let other = picture(&moved, &|x_m, y_m| texture(5.0 - y_m, 3.0 + x_m));
-        let found = corners.found_in(&intensity(&other), &intrinsics(), &moved.camera_from_world);
-        assert!(10 * found.len() < corners.corners.len(), "{} of {}", found.len(), corners.corners.len());
+        let refined = |wall: &dyn Fn(f64, f64) -> f64| {
+            let shown = intensity(&picture(&moved, &wall));
+            let found = corners.found_in(&shown, &intrinsics(), &moved.camera_from_world);
+            relocation::refined(&intrinsics(), &found, &moved.camera_from_world, found.len())
+        };
+        let (same, distance_m) = refined(&texture).unwrap();
+        assert!(same.certain(distance_m).is_ok());
+        let other = refined(&|x_m, y_m| texture(5.0 - y_m, 3.0 + x_m));
+        assert!(other.is_err(), "{other:?}");
     }
 }

@@ -1,11 +1,12 @@
-//! A picture that is made by casting rays: one ray a sample, and what it has met.
+//! A picture that is made by casting rays: one ray a sample.
 
 use calib::Camera;
 use glam::Vec3;
 use nalgebra::Point2;
 use rayon::prelude::*;
 
-/// What the rays of a camera have met, sample by sample: rows of a grid that is finer than the picture.
+/// Surfaces that the rays of a camera have met: distance and colour of each sample, in rows of a grid that is finer than the
+/// picture.
 #[derive(Debug, Clone)]
 pub struct RayImage {
     /// The camera.
