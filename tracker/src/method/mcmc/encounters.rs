@@ -35,8 +35,10 @@ use super::Mcmc;
 use super::options::McmcOptions;
 use super::person::Key;
 use super::smoother::LaggedMoment;
+use super::track::Track;
 use super::traits::LearntSize;
 use crate::TrackId;
+use crate::prepared_room::PreparedRoom;
 
 /// Time for which moments are held: that after which a lost person is not found again, seconds.
 pub(super) const REMEMBERED_S: f64 = 20.0;
@@ -46,7 +48,7 @@ const WEIGHED_EVERY_S: f64 = 0.5;
 /// [`McmcOptions::of_boxes`].
 const UNDECIDED_S: f64 = 10.0 - WEIGHED_EVERY_S;
 /// Log odds against an exchange beside what its places say, nats. Chosen on generated crowds of 15 people, where 0.5 and 1 are
-/// alike and 2 leaves out a third of what is won.
+/// alike and 2 leaves out two fifths of what is won.
 const EXCHANGE_NATS: f64 = 1.0;
 /// Log odds of an exchange that was seen by looks, nats.
 const SEEN_NATS: f64 = 20.0;
@@ -195,31 +197,28 @@ impl Mcmc {
     /// Exchanges the names of people who met, or of one who was lost and one who was found, where the sizes shown since then
     /// tell.
     pub(super) fn rename_by_sizes(&mut self) {
-        self.encounters.has_vectors |= self.boxes.has_vectors();
-        let Some(now_s) = self.smoother.moments.back().map(|now| now.time_s) else { return };
-        if self.encounters.has_vectors {
+        let Self { encounters, smoother, boxes, stage, options, .. } = self;
+        encounters.has_vectors |= boxes.has_vectors();
+        let Some(now_s) = smoother.moments.back().map(|now| now.time_s) else { return };
+        if encounters.has_vectors {
             // Vectors tell more.
             return;
         }
-        self.encounters.observe_names(&self.smoother.moments);
-        if now_s < self.encounters.weighed_s + WEIGHED_EVERY_S {
+        encounters.observe_names(&smoother.moments);
+        if now_s < encounters.weighed_s + WEIGHED_EVERY_S {
             return;
         }
-        self.encounters.weighed_s = now_s;
-        self.encounters.settle(&self.smoother.moments, now_s - UNDECIDED_S);
-        let mut encounters = std::mem::replace(&mut self.encounters, Encounters::new(0));
-        encounters
-            .search(&self.smoother.moments, &self.options, &|lost, found| self.returns_nats(lost, found));
-        let renamed = encounters.weigh(&mut self.smoother.moments, &self.options);
-        self.encounters = encounters;
-        if let Some(renamed) = renamed {
+        encounters.weighed_s = now_s;
+        encounters.settle(&smoother.moments, now_s - UNDECIDED_S);
+        encounters.search(&smoother.moments, options, &|lost, found| returns_nats(stage, lost, found));
+        if let Some(renamed) = encounters.weigh(&mut smoother.moments, options) {
             self.rename_tracks(&renamed);
         }
     }
 
     /// Gives the tracks their names, and what was learnt of the people of these names.
     fn rename_tracks(&mut self, Renamed { names, sizes }: &Renamed) {
-        let wanted = |track: &super::track::Track| names.get(&track.key).copied();
+        let wanted = |track: &Track| names.get(&track.key).copied();
         for to in 0..self.tracks.len() {
             let Some(name) = wanted(&self.tracks[to]).filter(|_| self.tracks[to].id.is_some()) else {
                 continue;
@@ -242,22 +241,22 @@ impl Mcmc {
             }
         }
     }
+}
 
-    /// Log odds by time and place, nats, that the person whose track begins is one who was lost: times in seconds and places in
-    /// metres of both.
-    fn returns_nats(
-        &self,
-        (lost_s, lost_at): (f64, &Vector2<f64>),
-        (found_s, found_at): (f64, &Vector2<f64>),
-    ) -> f64 {
-        let floor = &self.stage.floor;
-        let is_at_zone = !self.stage.zones.is_empty()
-            && (floor.may_appear(found_at.x, found_at.y) || floor.may_disappear(lost_at.x, lost_at.y));
-        let sigma_m = FOUND_AGAIN_M + FOUND_AGAIN_M_S * (found_s - lost_s);
-        let squared_sigmas = (found_at - lost_at).norm_squared() / sigma_m.powi(2);
-        let density = -0.5 * squared_sigmas - (std::f64::consts::TAU * sigma_m.powi(2)).ln();
-        density + if is_at_zone { RETURNS_AT_ZONE_NATS } else { RETURNS_NATS }
-    }
+/// Log odds by time and place, nats, that the person whose track begins is one who was lost: times in seconds and places in metres
+/// of both.
+fn returns_nats(
+    stage: &PreparedRoom,
+    (lost_s, lost_at): (f64, &Vector2<f64>),
+    (found_s, found_at): (f64, &Vector2<f64>),
+) -> f64 {
+    let floor = &stage.floor;
+    let is_at_zone = !stage.zones.is_empty()
+        && (floor.may_appear(found_at.x, found_at.y) || floor.may_disappear(lost_at.x, lost_at.y));
+    let sigma_m = FOUND_AGAIN_M + FOUND_AGAIN_M_S * (found_s - lost_s);
+    let squared_sigmas = (found_at - lost_at).norm_squared() / sigma_m.powi(2);
+    let density = -0.5 * squared_sigmas - (std::f64::consts::TAU * sigma_m.powi(2)).ln();
+    density + if is_at_zone { RETURNS_AT_ZONE_NATS } else { RETURNS_NATS }
 }
 
 #[cfg(test)]

@@ -59,6 +59,12 @@ impl LearntLength {
         if weight <= 1e-9 * self.weight { Self::default() } else { Self { weight, sum: self.sum - part.sum } }
     }
 
+    /// The same average, as certain as lengths of another time can be compared with it: both have the lasting error.
+    pub(super) fn of_another_time(&self, length: Length) -> Self {
+        let share = 1.0 / (1.0 + self.weight * 2.0 * length.lasting_sigma_m().powi(2));
+        Self { weight: share * self.weight, sum: share * self.sum }
+    }
+
     /// Average length, with its standard deviation; `None` before the first measurement.
     fn average(&self, length: Length) -> Option<Spread> {
         let sigma_m = || (1.0 / self.weight + length.lasting_sigma_m().powi(2)).sqrt();
@@ -128,6 +134,19 @@ mod tests {
         for heights_m in [&[1.75, 1.72, 1.80][..], &[1.5], &[1.7; 30], &[]] {
             assert_relative_eq!(of(heights_m).log_marginal(&PRIOR), nats(heights_m), epsilon = 1e-6);
         }
+    }
+
+    /// The difference of two averages of the same person has both their variances, and twice that of what lasts.
+    #[test]
+    fn an_average_is_compared_with_another_time_as_exactly_as_what_lasts_allows() {
+        let lasting = 2.0 * Length::Height.lasting_sigma_m().powi(2);
+        for moments in [1, 40, 4000] {
+            let learnt = of(&vec![1.75; moments]);
+            let known = learnt.of_another_time(Length::Height);
+            assert_relative_eq!(1.0 / known.weight, 1.0 / learnt.weight + lasting, max_relative = 1e-9);
+            assert_relative_eq!(known.sum / known.weight, 1.75, max_relative = 1e-9);
+        }
+        assert_eq!(LearntLength::default().of_another_time(Length::Height), LearntLength::default());
     }
 
     #[test]

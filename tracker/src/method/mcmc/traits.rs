@@ -46,6 +46,14 @@ impl LearntSize {
         Self { height: self.height.without(&part.height), radius: self.radius.without(&part.radius) }
     }
 
+    /// The same average, as certain as sizes of another time can be compared with it.
+    pub(super) fn of_another_time(&self) -> Self {
+        Self {
+            height: self.height.of_another_time(Length::Height),
+            radius: self.radius.of_another_time(Length::Radius),
+        }
+    }
+
     /// Log density of all lengths shown, of one person of unknown size, nats, up to a constant of the single lengths.
     pub(super) fn log_marginal(&self, options: &McmcOptions) -> f64 {
         self.height.log_marginal(&options.height) + self.radius.log_marginal(&options.radius)

@@ -4,6 +4,8 @@
 //! A step changes the decision of one encounter, of two of the same tracks (an exchange that is moved, or undone soon after), or of
 //! two or three that follow each other with a track in common: names that went round in a circle.
 
+use std::collections::BTreeMap;
+
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
@@ -34,7 +36,7 @@ pub(super) fn most_probable(window: &Window<'_>, encounters: &[Encounter], rng: 
     if encounters.is_empty() {
         return now;
     }
-    let same = same_tracks(window, encounters.len());
+    let by_tracks = ByTracks::new(window, encounters.len());
     let mut sums = Sums::default();
     let mut sizes_nats = window.log_density(&now, &mut sums);
     let (mut gain, mut best_gain, mut best) = (0.0, 0.0, now.clone());
@@ -43,7 +45,7 @@ pub(super) fn most_probable(window: &Window<'_>, encounters: &[Encounter], rng: 
     for step in 0..steps {
         let done = step as f64 / steps as f64;
         let temperature = FIRST_TEMPERATURE * (LAST_TEMPERATURE / FIRST_TEMPERATURE).powf(done);
-        propose(window, &same, rng, &mut changed);
+        propose(window, &by_tracks, rng, &mut changed);
         let by_places: f64 = changed
             .iter()
             .map(|i| (encounters[*i].place_nats - EXCHANGE_NATS) * if now[*i] { -1.0 } else { 1.0 })
@@ -75,18 +77,40 @@ fn toggle(exchanges: &mut [bool], changed: &[usize]) {
     }
 }
 
-/// For each encounter, all those of the same two tracks.
-fn same_tracks(window: &Window<'_>, count: usize) -> Vec<Vec<usize>> {
-    let sorted = |i: usize| {
-        let [a, b] = window.tracks(i);
-        [a.min(b), a.max(b)]
-    };
-    (0..count).map(|i| (0..count).filter(|j| sorted(*j) == sorted(i)).collect()).collect()
+/// Encounters by their two tracks.
+struct ByTracks {
+    /// Encounters of the same two tracks.
+    groups: Vec<Vec<usize>>,
+    /// Group of each encounter.
+    group: Vec<usize>,
+}
+
+impl ByTracks {
+    fn new(window: &Window<'_>, count: usize) -> Self {
+        let mut numbers: BTreeMap<[usize; 2], usize> = BTreeMap::new();
+        let (mut groups, mut group): (Vec<Vec<usize>>, Vec<usize>) = (Vec::new(), Vec::new());
+        for i in 0..count {
+            let [a, b] = window.tracks(i);
+            let number = *numbers.entry([a.min(b), a.max(b)]).or_insert(groups.len());
+            if number == groups.len() {
+                groups.push(Vec::new());
+            }
+            groups[number].push(i);
+            group.push(number);
+        }
+        Self { groups, group }
+    }
+
+    /// All encounters of the tracks of one.
+    fn of(&self, encounter: usize) -> &[usize] {
+        &self.groups[self.group[encounter]]
+    }
 }
 
 /// Draws the encounters whose decision a step changes.
-fn propose(window: &Window<'_>, same: &[Vec<usize>], rng: &mut Pcg64Mcg, changed: &mut Vec<usize>) {
-    let first = rng.random_range(0..same.len());
+fn propose(window: &Window<'_>, by_tracks: &ByTracks, rng: &mut Pcg64Mcg, changed: &mut Vec<usize>) {
+    let count = by_tracks.group.len();
+    let first = rng.random_range(0..count);
     changed.clear();
     changed.push(first);
     let kind: f64 = rng.random();
@@ -94,7 +118,8 @@ fn propose(window: &Window<'_>, same: &[Vec<usize>], rng: &mut Pcg64Mcg, changed
         return;
     }
     if kind < ONE + SAME_TRACKS {
-        let other = same[first][rng.random_range(0..same[first].len())];
+        let same = by_tracks.of(first);
+        let other = same[rng.random_range(0..same.len())];
         if other != first {
             changed.push(other);
         }
@@ -103,7 +128,7 @@ fn propose(window: &Window<'_>, same: &[Vec<usize>], rng: &mut Pcg64Mcg, changed
     let wanted = if rng.random::<f64>() < THREE { 2 } else { 1 };
     for _ in 0..wanted {
         let low = first.saturating_sub(NEAR);
-        let high = (first + NEAR).min(same.len() - 1);
+        let high = (first + NEAR).min(count - 1);
         let tracks = window.tracks(first);
         let mut attempts = (0..ATTEMPTS).map(|_| rng.random_range(low..=high));
         let other = attempts

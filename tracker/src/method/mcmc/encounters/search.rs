@@ -69,19 +69,17 @@ impl Encounters {
 
     /// Remembers an encounter, the likelier one of two that follow each other.
     fn add(&mut self, new: Encounter) {
-        let is_same = |old: &&mut Encounter| {
+        let is_same = |old: &Encounter| {
             new.time_s - old.time_s < APART_S && new.keys.iter().all(|key| old.keys.contains(key))
         };
-        match self.list.iter_mut().rev().find(is_same) {
-            Some(old) if old.is_exchange || old.place_nats >= new.place_nats => {}
-            Some(_) => {
-                self.list.retain(|old| {
-                    new.time_s - old.time_s >= APART_S || !new.keys.iter().all(|key| old.keys.contains(key))
-                });
-                self.insert(new);
+        if let Some(same) = self.list.iter().rposition(is_same) {
+            let old = &self.list[same];
+            if old.is_exchange || old.place_nats >= new.place_nats {
+                return;
             }
-            None => self.insert(new),
+            self.list.remove(same);
         }
+        self.insert(new);
     }
 
     /// Remembers the tracks that began near the end of another.

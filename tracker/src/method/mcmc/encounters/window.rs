@@ -13,8 +13,9 @@ use crate::TrackId;
 pub(super) struct Window<'a> {
     /// Name of each track before the window.
     names: Vec<TrackId>,
-    /// Sizes that each name showed before the window.
+    /// Sizes that each name showed before the window, and what they are worth against those in it.
     before: Vec<LearntSize>,
+    known: Vec<LearntSize>,
     /// Sizes that each track showed in the first moments of the window: `moments + 1` sums a track.
     shown: Vec<LearntSize>,
     moments: usize,
@@ -42,7 +43,8 @@ impl<'a> Window<'a> {
         let keys: BTreeMap<Key, usize> = encounters.names.keys().copied().zip(0..).collect();
         let names: Vec<TrackId> = encounters.names.values().copied().collect();
         let settled = |name: &TrackId| encounters.settled.get(name).copied().unwrap_or_default();
-        let before = names.iter().map(settled).collect();
+        let before: Vec<LearntSize> = names.iter().map(settled).collect();
+        let known = before.iter().map(LearntSize::of_another_time).collect();
         let first = moments.partition_point(|moment| moment.time_s <= encounters.settled_s);
         let count = moments.len() - first;
         let mut shown = vec![LearntSize::default(); keys.len() * (count + 1)];
@@ -60,7 +62,7 @@ impl<'a> Window<'a> {
         // Encounters are of tracks with names.
         let track = |key: Key| keys.get(&key).copied().unwrap_or_default();
         let of = encounters.list.iter().map(|met| (met.keys.map(track), step(met.time_s)));
-        Self { names, before, shown, moments: count, encounters: of.collect(), options }
+        Self { names, before, known, shown, moments: count, encounters: of.collect(), options }
     }
 
     /// Tracks of an encounter.
@@ -70,20 +72,20 @@ impl<'a> Window<'a> {
 
     /// Log density of all sizes, where these encounters were exchanges, nats.
     pub(super) fn log_density(&self, exchanges: &[bool], sums: &mut Sums) -> f64 {
-        self.add_up(exchanges, sums);
+        self.add_up(&self.known, exchanges, sums);
         sums.sizes.iter().map(|size| size.log_marginal(self.options)).sum()
     }
 
     /// Sizes that each name has shown until now, where these encounters were exchanges.
     pub(super) fn sizes_of_names(&self, exchanges: &[bool]) -> BTreeMap<TrackId, LearntSize> {
         let mut sums = Sums::default();
-        self.add_up(exchanges, &mut sums);
+        self.add_up(&self.before, exchanges, &mut sums);
         self.names.iter().copied().zip(sums.sizes).collect()
     }
 
-    /// Adds up the sizes of each name.
-    fn add_up(&self, exchanges: &[bool], sums: &mut Sums) {
-        sums.sizes.clone_from(&self.before);
+    /// Adds the sizes of the window to those of each name before.
+    fn add_up(&self, before: &[LearntSize], exchanges: &[bool], sums: &mut Sums) {
+        before.clone_into(&mut sums.sizes);
         sums.carried.clear();
         sums.carried.extend((0..self.names.len()).map(|track| (track, 0)));
         for ((tracks, step), _) in
