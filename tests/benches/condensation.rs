@@ -8,8 +8,8 @@
 use synthetic::{SyntheticRoom, WalkerOptions};
 use tests::chain::StepResult;
 use tests::hall::{
-    behind_the_screen, going_round, hall, hidden_from, nearest, passing_through, pictures, recording, step,
-    tracker,
+    behind_the_screen, empty_pictures, going_round, hall, hidden_from, nearest, passing_through, pictures,
+    recording, step, tracker,
 };
 use tracker::TrackId;
 use tracker::method::condensation::integration::Integration;
@@ -49,11 +49,13 @@ fn occlusion() -> StepResult<()> {
     let mut found = lost.clone();
     for trial in 1..=TRIALS {
         let room = hall(trial, 6, true)?;
+        let empty = empty_pictures(&room);
         let walkers = behind_the_screen(trial);
         let mut trials = Vec::new();
         for (_, options) in &variants {
             for integration in Integration::ALL {
-                trials.push(HeadTrial::new(&room, CondensationOptions { integration, ..options.clone() })?);
+                let options = CondensationOptions { integration, ..options.clone() };
+                trials.push(HeadTrial::new(tracker(&room, &empty, options)?));
             }
         }
         follow_behind_screen(&room, &walkers, &mut trials)?;
@@ -86,8 +88,8 @@ struct HeadTrial {
 }
 
 impl HeadTrial {
-    fn new(room: &SyntheticRoom, options: CondensationOptions) -> StepResult<Self> {
-        Ok(Self { tracker: tracker(room, options)?, who: None, was_hidden: false, off: 0, is_lost: false })
+    fn new(tracker: Condensation) -> Self {
+        Self { tracker, who: None, was_hidden: false, off: 0, is_lost: false }
     }
 }
 
@@ -127,7 +129,7 @@ fn entries() -> StepResult<()> {
     {
         let room = hall(21, 6, false)?;
         let sequence = recording(&room, &passing_through(PEOPLE), RATE_HZ, 60.0);
-        let mut tracker = tracker(&room, options)?;
+        let mut tracker = tracker(&room, &empty_pictures(&room), options)?;
         let (mut found, mut came) = (vec![false; PEOPLE], vec![false; PEOPLE]);
         let mut nobody = 0;
         for frame in sequence.frames() {
@@ -163,9 +165,10 @@ fn accuracy() -> StepResult<()> {
         let sequence = recording(&room, &walkers, RATE_HZ, 16.0);
         let variants =
             [("published", CondensationOptions::published()), ("default", CondensationOptions::default())];
+        let empty = empty_pictures(&room);
         let mut trackers = Vec::new();
         for (name, options) in variants {
-            trackers.push((name, tracker(&room, options)?, Errors::default()));
+            trackers.push((name, tracker(&room, &empty, options)?, Errors::default()));
         }
         for frame in sequence.frames() {
             let pictures = pictures(&frame);
@@ -248,13 +251,14 @@ fn time() -> StepResult<()> {
     println!("  cameras people layers  hypotheses  weights  integration     sum  gradients  gates");
     for cameras in [6, 12] {
         let room = hall(31, cameras, false)?;
+        let empty = empty_pictures(&room);
         for people in [1, 6] {
             let walkers = going_round(people, 1.0);
             let sequence = recording(&room, &walkers, RATE_HZ, 10.0);
             let mut trackers = Vec::new();
             for options in [CondensationOptions::published(), CondensationOptions::default()] {
                 let layers = options.layers;
-                trackers.push((layers, tracker(&room, options)?, [0.0; 5], 0_u32));
+                trackers.push((layers, tracker(&room, &empty, options)?, [0.0; 5], 0_u32));
             }
             for frame in sequence.frames() {
                 let pictures = pictures(&frame);

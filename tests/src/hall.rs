@@ -97,8 +97,17 @@ pub fn recording<'a>(
     room.sequence(room.walkers(walkers), options)
 }
 
-/// Tracker in the hall, initialised with the empty hall.
-pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> StepResult<Condensation> {
+/// Pictures of the empty hall by each of its cameras.
+pub fn empty_pictures(room: &SyntheticRoom) -> Vec<CameraFrame> {
+    pictures(&room.sequence(Vec::new(), SequenceOptions { frames: 1, ..SequenceOptions::default() }).frame(1))
+}
+
+/// Tracker in the hall, initialised with [`empty_pictures`] of it.
+pub fn tracker(
+    room: &SyntheticRoom,
+    empty: &[CameraFrame],
+    options: CondensationOptions,
+) -> StepResult<Condensation> {
     let with_room = options.integration == tracker::method::condensation::integration::Integration::Room;
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     let mut scene = room.room.clone();
@@ -114,9 +123,7 @@ pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> StepResult
     );
     let mut tracker =
         Condensation::new(prepared.map_err(|e| e.to_string())?, options).map_err(|e| e.to_string())?;
-    let empty =
-        room.sequence(Vec::new(), SequenceOptions { frames: 1, ..SequenceOptions::default() }).frame(1);
-    for (i, camera) in empty.cameras.iter().enumerate() {
+    for (i, camera) in empty.iter().enumerate() {
         if let Some(image) = &camera.image {
             tracker.set_empty_scene(i, image);
         }
