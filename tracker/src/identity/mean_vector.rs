@@ -16,6 +16,11 @@ impl MeanVector {
         self.boxes
     }
 
+    /// Mean of the boxes' unit vectors; empty before the first box.
+    pub fn mean(&self) -> impl Iterator<Item = f64> + '_ {
+        self.sum.iter().map(|value| value / self.boxes)
+    }
+
     /// Adds the vector of one box; one without direction, or of another length than those before, is left out.
     pub fn add_box(&mut self, vector: &[f32]) {
         let norm = vector.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>().sqrt();

@@ -8,11 +8,12 @@
 //! them were exchanges:
 //!
 //! ```text
-//! log p(exchanges) = Σ over exchanges (places − EXCHANGE_NATS)  +  Σ over names log p(all sizes shown under the name)
+//! log p(exchanges) = Σ over exchanges (places − EXCHANGE_NATS)  +  Σ over names log p(all traits shown under the name)
 //! ```
 //!
-//! where `places` is the log probability ratio of the exchange by the motion alone, and a name's sizes are those of one person,
-//! whose height and width have the prior of all people ([`window`]). The most probable set of exchanges is searched for by
+//! where `places` is the log probability ratio of the exchange by the motion alone, and a name's traits are those of one person,
+//! whose height and width have the prior of all people ([`window`]), and whose appearance vectors, where the detector gives some,
+//! are near to one another as they are within a track ([`appearance`]). The most probable set of exchanges is searched for by
 //! simulated annealing ([`annealing`]), from the one that held before. A track that ended and one that began near it are an
 //! encounter, too: an exchange then gives the new track the old name. Names are exchanged from the encounter on, in all held
 //! moments; what has been told already stays.
@@ -21,6 +22,7 @@
 //! tracking", IEEE TAC 54(3), 2009; there, too, the assignment of a whole window is one problem.
 
 mod annealing;
+mod appearance;
 mod search;
 mod window;
 
@@ -36,8 +38,9 @@ use super::options::McmcOptions;
 use super::person::Key;
 use super::smoother::LaggedMoment;
 use super::track::Track;
-use super::traits::LearntSize;
+use super::traits::LearntTraits;
 use crate::TrackId;
+use crate::identity::mean_vector::MeanVector;
 use crate::prepared_room::PreparedRoom;
 
 /// Time for which moments are held: that after which a lost person is not found again, seconds.
@@ -79,14 +82,12 @@ pub(super) struct Encounters {
     list: Vec<Encounter>,
     /// Name of each track before the first of them.
     names: BTreeMap<Key, TrackId>,
-    /// Sizes that each name showed until then.
-    settled: BTreeMap<TrackId, LearntSize>,
-    /// Times up to which sizes are settled, encounters were looked for, and encounters were weighed, seconds.
+    /// Traits that each name showed until then.
+    settled: BTreeMap<TrackId, LearntTraits>,
+    /// Times up to which traits are settled, encounters were looked for, and encounters were weighed, seconds.
     settled_s: f64,
     searched_s: f64,
     weighed_s: f64,
-    /// Whether the detector gives appearance vectors.
-    has_vectors: bool,
     rng: Pcg64Mcg,
 }
 
@@ -94,8 +95,8 @@ pub(super) struct Encounters {
 struct Renamed {
     /// Name of each track.
     names: BTreeMap<Key, TrackId>,
-    /// Sizes that each name has shown.
-    sizes: BTreeMap<TrackId, LearntSize>,
+    /// Traits that each name has shown.
+    learnt: BTreeMap<TrackId, LearntTraits>,
 }
 
 impl Encounters {
@@ -107,7 +108,6 @@ impl Encounters {
             settled_s: f64::NEG_INFINITY,
             searched_s: f64::NEG_INFINITY,
             weighed_s: f64::NEG_INFINITY,
-            has_vectors: false,
             rng: Pcg64Mcg::seed_from_u64(seed),
         }
     }
@@ -134,19 +134,21 @@ impl Encounters {
         }
     }
 
-    /// Settles what is older than a time: exchanges move on to [`Self::names`], and sizes to those of the names then.
-    fn settle(&mut self, moments: &VecDeque<LaggedMoment>, until_s: f64) {
+    /// Settles what is older than a time: exchanges move on to [`Self::names`], and traits to those of the names then. Vectors,
+    /// which are large, are held no longer.
+    fn settle(&mut self, moments: &mut VecDeque<LaggedMoment>, until_s: f64) {
         for moment in
-            moments.iter().filter(|moment| moment.time_s > self.settled_s && moment.time_s <= until_s)
+            moments.iter_mut().filter(|moment| moment.time_s > self.settled_s && moment.time_s <= until_s)
         {
             let before = self.list.partition_point(|encounter| encounter.time_s < moment.time_s);
             for Encounter { keys: [a, b], .. } in self.list.drain(..before).filter(|old| old.is_exchange) {
                 exchange(&mut self.names, a, b);
             }
-            for trace in &moment.people {
+            for trace in &mut moment.people {
                 if let Some(name) = self.names.get(&trace.key) {
                     self.settled.entry(*name).or_default().add(&trace.shown);
                 }
+                trace.shown.vector = MeanVector::default();
             }
         }
         self.settled_s = self.settled_s.max(until_s);
@@ -165,11 +167,10 @@ impl Encounters {
         if exchanges == before {
             return None;
         }
-        let sizes = window.sizes_of_names(&exchanges);
         for (encounter, is_exchange) in self.list.iter_mut().zip(exchanges) {
             encounter.is_exchange = is_exchange;
         }
-        let mut names = self.names.clone();
+        let (mut names, mut learnt) = (self.names.clone(), self.settled.clone());
         let mut later = self.list.iter().peekable();
         for moment in moments.iter_mut().filter(|moment| moment.time_s > self.settled_s) {
             while let Some(encounter) = later.next_if(|encounter| encounter.time_s < moment.time_s) {
@@ -177,11 +178,15 @@ impl Encounters {
                     exchange(&mut names, a, b);
                 }
             }
-            for trace in moment.people.iter_mut().filter(|trace| trace.id.is_some()) {
-                trace.id = names.get(&trace.key).copied().or(trace.id);
+            for trace in &mut moment.people {
+                let Some(name) = names.get(&trace.key) else { continue };
+                learnt.entry(*name).or_default().add(&trace.shown);
+                if trace.id.is_some() {
+                    trace.id = Some(*name);
+                }
             }
         }
-        Some(Renamed { names, sizes })
+        Some(Renamed { names, learnt })
     }
 }
 
@@ -194,22 +199,17 @@ fn exchange(names: &mut BTreeMap<Key, TrackId>, a: Key, b: Key) {
 }
 
 impl Mcmc {
-    /// Exchanges the names of people who met, or of one who was lost and one who was found, where the sizes shown since then
+    /// Exchanges the names of people who met, or of one who was lost and one who was found, where the traits shown since then
     /// tell.
-    pub(super) fn rename_by_sizes(&mut self) {
-        let Self { encounters, smoother, boxes, stage, options, .. } = self;
-        encounters.has_vectors |= boxes.has_vectors();
+    pub(super) fn rename_by_traits(&mut self) {
+        let Self { encounters, smoother, stage, options, .. } = self;
         let Some(now_s) = smoother.moments.back().map(|now| now.time_s) else { return };
-        if encounters.has_vectors {
-            // Vectors tell more.
-            return;
-        }
         encounters.observe_names(&smoother.moments);
         if now_s < encounters.weighed_s + WEIGHED_EVERY_S {
             return;
         }
         encounters.weighed_s = now_s;
-        encounters.settle(&smoother.moments, now_s - UNDECIDED_S);
+        encounters.settle(&mut smoother.moments, now_s - UNDECIDED_S);
         encounters.search(&smoother.moments, options, &|lost, found| returns_nats(stage, lost, found));
         if let Some(renamed) = encounters.weigh(&mut smoother.moments, options) {
             self.rename_tracks(&renamed);
@@ -217,7 +217,7 @@ impl Mcmc {
     }
 
     /// Gives the tracks their names, and what was learnt of the people of these names.
-    fn rename_tracks(&mut self, Renamed { names, sizes }: &Renamed) {
+    fn rename_tracks(&mut self, Renamed { names, learnt }: &Renamed) {
         let wanted = |track: &Track| names.get(&track.key).copied();
         for to in 0..self.tracks.len() {
             let Some(name) = wanted(&self.tracks[to]).filter(|_| self.tracks[to].id.is_some()) else {
@@ -236,8 +236,8 @@ impl Mcmc {
         for track in self.tracks.iter_mut().filter(|track| track.id.is_some()) {
             let Some(name) = names.get(&track.key) else { continue };
             track.id = Some(*name);
-            if let Some(size) = sizes.get(name) {
-                track.learnt.size = *size;
+            if let Some(learnt) = learnt.get(name) {
+                track.learnt.clone_from(learnt);
             }
         }
     }

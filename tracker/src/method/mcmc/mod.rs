@@ -270,7 +270,7 @@ impl Method for Mcmc {
         if self.observes_boxes_alone() {
             self.smoother.push(now, self.options.lag_s.max(REMEMBERED_S), traces, true);
             self.reassociate();
-            self.rename_by_sizes();
+            self.rename_by_traits();
             return Ok(self.smoother.latest().map_or_else(Vec::new, |latest| self.confirmed(latest)));
         }
         let confirmed = self.confirmed(&traces);

@@ -16,7 +16,6 @@ use super::person::Key;
 use super::trace::Trace;
 use super::traits::LearntTraits;
 use crate::PersonEstimate;
-use crate::identity::mean_vector::MeanVector;
 
 /// Time for which an exchange of tracks can be undone, and moments hold what decides it, seconds.
 pub(super) const WINDOW_S: f64 = 3.0;
@@ -37,7 +36,7 @@ pub(super) struct LaggedMoment {
     pub(super) people: Vec<Trace>,
     /// Whether a detector's boxes are the only observations: then a moment without a measurement is evidence of absence.
     by_boxes: bool,
-    /// Whether the moment is older than [`WINDOW_S`], and its people's learnt traits and vectors are dropped.
+    /// Whether the moment is older than [`WINDOW_S`], and its people's learnt traits are dropped.
     is_old: bool,
 }
 
@@ -59,7 +58,7 @@ impl FixedLagSmoother {
                 self.moments.pop_front();
             }
         }
-        // Later than that, tracks are exchanged by their sizes alone.
+        // Later than that, no single pair of tracks is exchanged.
         let first_s = time_s - WINDOW_S - 1e-6;
         let old = self.moments.iter_mut().rev().skip_while(|moment| moment.time_s >= first_s);
         for moment in old {
@@ -67,7 +66,6 @@ impl FixedLagSmoother {
                 break;
             }
             for trace in &mut moment.people {
-                trace.shown.vector = MeanVector::default();
                 trace.learnt = LearntTraits::default();
             }
         }

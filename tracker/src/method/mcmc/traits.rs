@@ -9,7 +9,7 @@ const REMEMBERED_BOXES: f64 = 400.0;
 /// Factor of the log ratio of the vectors' distances, and number of boxes at which half of it counts: vectors of
 /// successive boxes have errors in common, and a network's scale is unknown.
 const VECTORS_WEIGHT: f64 = 7.0;
-const HALF_KNOWN_BOXES: f64 = 8.0;
+pub(super) const HALF_KNOWN_BOXES: f64 = 8.0;
 
 /// Traits that the boxes of one moment showed.
 #[derive(Debug, Clone, Default)]

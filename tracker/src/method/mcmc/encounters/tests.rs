@@ -31,6 +31,9 @@ struct Held {
     moments: usize,
     /// Log odds by time and place that a lost person comes back.
     returns_nats: f64,
+    /// Appearance vectors of the people with these heights, and their noise.
+    vectors: Vec<(f64, [f32; 4])>,
+    rng: Pcg64Mcg,
 }
 
 impl Held {
@@ -42,6 +45,8 @@ impl Held {
             names: BTreeMap::new(),
             moments: 0,
             returns_nats,
+            vectors: Vec::new(),
+            rng: Pcg64Mcg::seed_from_u64(5),
         }
     }
 
@@ -57,6 +62,10 @@ impl Held {
                 None => Motion::appeared(*place, &covariance, &options.motion),
             };
             self.motions.insert(*key, motion.clone());
+            let mut vector = MeanVector::default();
+            if let Some((_, exact)) = self.vectors.iter().find(|(of_m, _)| of_m == height_m) {
+                vector.add_box(&exact.map(|value| value + self.rng.random_range(-0.3..0.3)));
+            }
             let height = Some(Spread { mean_m: *height_m, sigma_m: HEIGHT_SIGMA_M });
             traces.push(Trace {
                 key: *key,
@@ -66,7 +75,7 @@ impl Held {
                 height_m: 1.7,
                 confidence: 1.0,
                 visible: vec![1.0],
-                shown: ShownTraits { height, ..ShownTraits::default() },
+                shown: ShownTraits { height, vector, ..ShownTraits::default() },
                 learnt: LearntTraits::default(),
             });
         }
@@ -108,7 +117,13 @@ fn meeting(moment: usize, heights_m: &[f64]) -> Vec<Followed> {
 
 /// First moment after the meeting at which a name changes, with what is held a second later.
 fn decision(heights_m: &[f64]) -> Option<(usize, Held)> {
+    decision_by_vectors(heights_m, &[])
+}
+
+/// The same where people also show these vectors.
+fn decision_by_vectors(heights_m: &[f64], vectors: &[[f32; 4]]) -> Option<(usize, Held)> {
     let mut held = Held::new(0.0);
+    held.vectors = heights_m.iter().copied().zip(vectors.iter().copied()).collect();
     let decided = (0..MEET + 40).find(|moment| held.add(&meeting(*moment, heights_m)))?;
     for moment in decided + 1..decided + 5 {
         held.add(&meeting(moment, heights_m));
@@ -146,6 +161,17 @@ fn three_names_that_went_round_in_a_circle_are_given_back() {
 #[test]
 fn people_of_equal_sizes_keep_their_names() {
     assert!(decision(&[1.7, 1.7]).is_none());
+}
+
+#[test]
+fn people_of_equal_sizes_get_their_names_back_by_their_appearance() {
+    // A millimetre tells nobody apart.
+    let heights_m = [1.700, 1.701, 1.702];
+    let common = [1.0, 0.0, 0.0, 0.0];
+    let different = [[1.0, 0.6, 0.0, 0.0], [1.0, 0.0, 0.6, 0.0], [1.0, 0.0, 0.0, 0.6]];
+    let (_, held) = decision_by_vectors(&heights_m, &different).unwrap();
+    assert_names_follow(&held, &heights_m);
+    assert!(decision_by_vectors(&heights_m, &[common; 3]).is_none(), "all look the same");
 }
 
 #[test]
