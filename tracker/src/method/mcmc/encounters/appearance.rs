@@ -56,7 +56,7 @@ struct Shown {
 
 impl Appearance {
     /// Sums of these moments, by the numbers of their tracks; `settled`: what was learnt of each name before them. `None` where
-    /// the vectors of no two tracks differ by more than their errors.
+    /// no two tracks show different vectors.
     pub(super) fn new<'a>(
         settled: &[Option<&LearntTraits>],
         moments: impl ExactSizeIterator<Item = &'a LaggedMoment> + Clone,
@@ -117,7 +117,7 @@ impl Appearance {
                 of_name[count] = weight;
             }
         }
-        (people > error).then_some(Self { row, known, shown: table, moments: rows - 1, error, people })
+        Some(Self { row, known, shown: table, moments: rows - 1, error, people })
     }
 
     /// Rows of all names before the window.
@@ -192,8 +192,9 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Variance of what a track shows in a moment, over all dimensions together: half of the median squared difference from what it
-/// shows [`COMPARED_S`] later, which hardly depends on exchanged people. `None` where nobody was seen for as long.
+/// Variance of what a track shows in a moment, over all dimensions together: half of the mean squared difference from what it
+/// shows [`COMPARED_S`] later. People whom tracks exchanged in between make it larger, and the evidence smaller. `None` where nobody
+/// was seen for as long.
 fn error_variance(shown: &[Shown], tracks: usize) -> Option<f64> {
     let mut of_tracks: Vec<Vec<&Shown>> = vec![Vec::new(); tracks];
     shown.iter().for_each(|seen| of_tracks[seen.track].push(seen));
@@ -207,10 +208,8 @@ fn error_variance(shown: &[Shown], tracks: usize) -> Option<f64> {
             halves.push(0.5 * squared);
         }
     }
-    let middle = halves.len() / 2;
-    let (_, median, _) =
-        (!halves.is_empty()).then(|| halves.select_nth_unstable_by(middle, f64::total_cmp))?;
-    Some(median.max(LEAST_ERROR))
+    let mean = halves.iter().sum::<f64>() / halves.len() as f64;
+    (!halves.is_empty()).then_some(mean.max(LEAST_ERROR))
 }
 
 #[cfg(test)]
