@@ -10,6 +10,7 @@
 
 mod ambiguity;
 mod diagnosis;
+mod filmed_size;
 mod five_point;
 mod incremental;
 mod lens;
@@ -148,6 +149,7 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     revisit::revisit(&mut partial, &capture.frames, &options.features, lens);
     let readout = readout::settle(&mut partial, lens);
     partial.polish(lens, options.polish_rounds, FINAL);
+    filmed_size::refine(&mut partial, capture, readout, lens, &options.features)?;
     let lens = lens::settle(&mut partial, capture.intrinsics.is_some(), options.refine_lens);
     finish(capture, options, &partial, Before { features, starts, ambiguity, explained, readout, lens })
 }
