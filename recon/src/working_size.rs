@@ -1,5 +1,5 @@
 //! Size at which pictures are worked on: larger ones are decoded at a smaller size, since time and memory grow with the pixels
-//! while features and stereo gain little beyond [`LONGEST_PX`].
+//! while stereo gains little beyond [`LONGEST_PX`]. Features gain: they are registered once more in the filmed pictures.
 //!
 //! Projects, rooms and tables of picks have the pixels that were filmed; everything between has those that are worked on.
 

@@ -195,7 +195,6 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::capture::{CaptureFile, ReferenceFrame};
     use crate::motion::{Motion, MotionOptions, estimate};
     use nalgebra::{Isometry3, Point3};
