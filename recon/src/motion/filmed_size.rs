@@ -60,8 +60,10 @@ pub(super) fn refine(
     let (mut refined, mut frame) = (Vec::new(), 0);
     film.each_frame(film.size().filmed, &mut |picture| {
         let seen = sightings.get_mut(frame).map(std::mem::take).unwrap_or_default();
-        let found: Vec<Found> =
-            seen.par_iter().map(|at| search.look_for(&patches[at.track], frame, at, &picture)).collect();
+        let found: Vec<Found> = seen
+            .par_iter()
+            .map(|at| search.look_for(patches[at.track].as_ref(), frame, at, &picture))
+            .collect();
         for (Sighting { track, place }, found) in seen.into_iter().zip(found) {
             match found {
                 Found::First(patch) => {
@@ -92,8 +94,9 @@ pub(super) fn refine(
     }
     partial.tracks = tracks.into();
     for _ in 0..ROUNDS {
-        // The same at every observation that was refined, and one for all others.
-        let coarse = (refined_noise_px(partial, &is_refined) / coarse_px).powi(2).clamp(LEAST_PRECISION, 1.0);
+        // The same at every observation that was refined, and one for all others. No noise, or nothing refined, gives no ratio.
+        let ratio = refined_noise_px(partial, &is_refined) / coarse_px;
+        let coarse = if ratio.is_finite() { ratio.powi(2).clamp(LEAST_PRECISION, 1.0) } else { 1.0 };
         let precision = |refined: &bool| if *refined { 1.0 } else { coarse };
         partial.precisions = is_refined.iter().map(|of| of.iter().map(precision).collect()).collect();
         partial.polish(lens, 2, FINAL);
@@ -156,7 +159,7 @@ impl Search<'_> {
     /// Cuts the track's patch, or registers that of an earlier frame.
     fn look_for(
         &self,
-        patch: &Option<CutPatch>,
+        patch: Option<&CutPatch>,
         frame: usize,
         at: &Sighting,
         picture: &image::RgbImage,
