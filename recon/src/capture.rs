@@ -94,8 +94,12 @@ impl CaptureFile {
         let size = film.size();
         // Every frame is decoded: a defect of the last of many captures should be reported before work on the first
         // begins.
-        let (mut count, mut frame, mut named) = (0, RgbImage::new(size.0, size.1), None);
-        while film.read(&mut frame)? {
+        let (mut count, mut named) = (0, None);
+        while film.advance_alike()? {
+            if count == 0 {
+                // Frames of one size and kind become pictures alike: one of them shows whether they can.
+                film.picture(&mut RgbImage::new(1, 1))?;
+            }
             if let ReferenceFrame::File(file) = &reference
                 && film.image_path().and_then(Path::file_name).is_some_and(|name| name == file.as_str())
             {
@@ -153,6 +157,12 @@ impl CaptureFile {
         Self { most_frames: bound.frames(self.size, MOST_FRAMES), ..self }
     }
 
+    /// The same capture, worked on with a longest side of no more than this many pixels.
+    #[must_use]
+    pub fn worked_up_to(self, longest_px: u32) -> Self {
+        Self { size: WorkingSize::up_to(self.size.filmed, longest_px), ..self }
+    }
+
     /// Bytes that it takes while it is worked on.
     pub fn memory(&self) -> u64 {
         memory::need(self.size, self.count.div_ceil(self.stride()))
@@ -173,13 +183,17 @@ impl CaptureFile {
     /// # Errors
     /// A frame that cannot be decoded, or a file that ends before its header says; each names the file.
     pub fn read(&self) -> Result<Capture> {
-        let mut frames = Vec::with_capacity(self.count / self.stride() + 1);
-        self.each_frame(self.size.worked, &mut |frame| {
-            frames.push(frame);
-            Ok(())
-        })?;
         let (stride, first) = (self.stride(), self.first());
         let reference = (self.reference - first) / stride;
+        let mut frames = Vec::with_capacity(self.count / stride + 1);
+        let mut filmed = None;
+        self.each_picture(&mut |film| {
+            if frames.len() == reference && !self.size.is_same() {
+                filmed = Some(picture_of(film, self.size.filmed)?);
+            }
+            frames.push(picture_of(film, self.size.worked)?);
+            Ok(())
+        })?;
         if frames.len() <= reference {
             return Err(self.changed());
         }
@@ -190,6 +204,7 @@ impl CaptureFile {
             reference,
             intrinsics: self.intrinsics.as_ref().map(|filmed| self.size.worked_lens(filmed)),
             exif_focal_px: self.exif_focal_px.map(|filmed| filmed / self.size.enlargement()),
+            larger: filmed.map(|reference| LargerPictures { file: self.clone(), reference }),
         })
     }
 
@@ -207,11 +222,12 @@ impl CaptureFile {
     ///
     /// # Errors
     /// As [`Self::read`]; the errors of `take`.
-    pub fn each_frame(
-        &self,
-        (width, height): (u32, u32),
-        take: &mut dyn FnMut(RgbImage) -> Result<()>,
-    ) -> Result<()> {
+    pub fn each_frame(&self, size: (u32, u32), take: &mut dyn FnMut(RgbImage) -> Result<()>) -> Result<()> {
+        self.each_picture(&mut |film| take(picture_of(film, size)?))
+    }
+
+    /// Calls `take` with the film at each frame that is used.
+    fn each_picture(&self, take: &mut dyn FnMut(&mut FrameSource) -> Result<()>) -> Result<()> {
         let mut film = opened(&self.path)?;
         let stride = self.stride();
         for _ in 0..self.first() {
@@ -221,9 +237,7 @@ impl CaptureFile {
             if film.frame_size() != self.size.filmed {
                 return Err(self.changed());
             }
-            let mut frame = RgbImage::new(width, height);
-            film.picture(&mut frame)?;
-            take(frame)?;
+            take(&mut film)?;
             for _ in 1..stride {
                 film.skip();
             }
@@ -240,10 +254,24 @@ impl CaptureFile {
         for _ in 0..self.reference {
             film.skip();
         }
-        let (width, height) = self.size.filmed;
-        let mut picture = RgbImage::new(width, height);
-        if film.read(&mut picture)? { Ok(picture) } else { Err(self.changed()) }
+        if film.advance_alike()? { picture_of(&mut film, self.size.filmed) } else { Err(self.changed()) }
     }
+}
+
+/// A film's present frame, at a size that is at most its own.
+fn picture_of(film: &mut FrameSource, (width, height): (u32, u32)) -> Result<RgbImage> {
+    let mut picture = RgbImage::new(width, height);
+    film.picture(&mut picture)?;
+    Ok(picture)
+}
+
+/// A capture whose pictures are worked on at a smaller size than they were filmed.
+#[derive(Debug, Clone)]
+pub struct LargerPictures {
+    /// The capture on disk.
+    pub file: CaptureFile,
+    /// The reference picture as filmed.
+    pub reference: RgbImage,
 }
 
 /// Mapping from the frames of a capture to the frames of its film.
@@ -280,9 +308,16 @@ pub struct Capture {
     pub intrinsics: Option<Intrinsics>,
     /// Focal length that photographs state in EXIF where intrinsics are not given, pixels: the start of its estimation.
     pub exif_focal_px: Option<f64>,
+    /// The pictures as filmed, where these are larger than `frames`: features are registered in them once more.
+    pub larger: Option<LargerPictures>,
 }
 
 impl Capture {
+    /// The reference picture as filmed.
+    pub fn reference_picture(&self) -> &RgbImage {
+        self.larger.as_ref().map_or_else(|| &self.frames[self.reference], |larger| &larger.reference)
+    }
+
     /// Opens and reads a capture, see [`CaptureFile`].
     ///
     /// # Errors

@@ -1,7 +1,8 @@
 //! Bound on the memory that the pictures of captures take.
 //!
 //! While a capture is worked on, its frames are in memory, and their brightness in single precision beside them: by far the most
-//! that a build holds. A bound decides how many captures are worked on at a time, and, where one alone does not fit, how many
+//! that a build holds; what refinement in filmed pictures keeps of features is less than the brightness, which is gone by then.
+//! A bound decides how many captures are worked on at a time, and, where one alone does not fit, how many
 //! of its frames are used.
 
 use std::str::FromStr;

@@ -1,5 +1,5 @@
 //! Size at which pictures are worked on: larger ones are decoded at a smaller size, since time and memory grow with the pixels
-//! while features and stereo gain little beyond [`LONGEST_PX`].
+//! while stereo gains little beyond [`LONGEST_PX`]. Features gain: they are registered once more in the filmed pictures.
 //!
 //! Projects, rooms and tables of picks have the pixels that were filmed; everything between has those that are worked on.
 
@@ -21,11 +21,16 @@ pub struct WorkingSize {
 impl WorkingSize {
     /// Sizes of pictures with this filmed width and height.
     pub fn of(filmed: (u32, u32)) -> Self {
+        Self::up_to(filmed, LONGEST_PX)
+    }
+
+    /// Sizes of pictures with this filmed width and height, of which larger ones are worked on with this longest side.
+    pub fn up_to(filmed: (u32, u32), longest_px: u32) -> Self {
         let longest = filmed.0.max(filmed.1);
-        if longest <= LONGEST_PX {
+        if longest <= longest_px {
             return Self { filmed, worked: filmed };
         }
-        let ratio = f64::from(LONGEST_PX) / f64::from(longest);
+        let ratio = f64::from(longest_px) / f64::from(longest);
         let side = |filmed: u32| ((ratio * f64::from(filmed)).round() as u32).max(1);
         Self { filmed, worked: (side(filmed.0), side(filmed.1)) }
     }

@@ -280,11 +280,11 @@ impl FrameSource {
         }
     }
 
-    /// Reads the next frame into `into`, which is resized if need be. `false` when there are no more.
+    /// Decodes the next frame, as [`advance`](Self::advance), which must have the size of the first.
     ///
     /// # Errors
     /// As [`advance`](Self::advance), and a frame of another size than the first.
-    pub fn read(&mut self, into: &mut RgbImage) -> Result<bool> {
+    pub fn advance_alike(&mut self) -> Result<bool> {
         if !self.advance()? {
             return Ok(false);
         }
@@ -296,6 +296,18 @@ impl FrameSource {
                 _ => Error::content(Path::new(&self.name), format!("frame {}", self.delivered), &problem),
             });
         }
+        Ok(true)
+    }
+
+    /// Reads the next frame into `into`, which is resized if need be. `false` when there are no more.
+    ///
+    /// # Errors
+    /// As [`advance_alike`](Self::advance_alike).
+    pub fn read(&mut self, into: &mut RgbImage) -> Result<bool> {
+        if !self.advance_alike()? {
+            return Ok(false);
+        }
+        let (width, height) = self.size();
         if into.dimensions() != (width, height) {
             *into = RgbImage::new(width, height);
         }

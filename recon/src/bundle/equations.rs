@@ -108,7 +108,8 @@ fn point_block(
         else {
             continue;
         };
-        let weight = options.loss.weight(l.residual.norm_squared());
+        let precision = observation.precision;
+        let weight = precision * options.loss.weight(precision * l.residual.norm_squared());
         let (j, at) = (&l.by_camera_point, &l.camera_point.coords);
         let weighted = weight * j.transpose();
         let (a, gradient) = (weighted * j, weighted * l.residual);

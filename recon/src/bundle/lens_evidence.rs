@@ -45,8 +45,10 @@ impl BundleProblem {
                 else {
                     continue;
                 };
-                let weight = self.options.loss.weight(l.residual.norm_squared());
-                weights += weight;
+                let precision = observation.precision;
+                let share = self.options.loss.weight(precision * l.residual.norm_squared());
+                let weight = precision * share;
+                weights += share;
                 let mut influence = Vector3::zeros();
                 for (k, column) in columns.iter().enumerate() {
                     let moved = l.by_pose() * column.cameras.fixed_rows::<POSE>(POSE * observation.pose)

@@ -28,6 +28,15 @@ pub struct Observation {
     pub pose: usize,
     /// Pixel (distorted, as in the image).
     pub pixel: Point2<f64>,
+    /// Inverse of its variance, in that of the most precise observations: its squared residual counts so many times.
+    pub precision: f64,
+}
+
+impl Observation {
+    /// Observation as precise as any other.
+    pub fn new(pose: usize, pixel: Point2<f64>) -> Self {
+        Self { pose, pixel, precision: 1.0 }
+    }
 }
 
 /// Unknowns of an adjustment.
@@ -155,7 +164,7 @@ impl Problem for BundleProblem {
         let poses = state.pose_matrices();
         let cost = |point: &Point3<f64>, o: &Observation| {
             let residual = residual::residual(&state.intrinsics, &poses[o.pose], point, &o.pixel);
-            let squared = residual.map_or(SQUARED_BEHIND_CAMERA, |r| r.norm_squared());
+            let squared = residual.map_or(SQUARED_BEHIND_CAMERA, |r| o.precision * r.norm_squared());
             self.options.loss.cost(squared.min(SQUARED_BEHIND_CAMERA))
         };
         let each: Vec<f64> = state

@@ -18,7 +18,7 @@ fn scene(noise_px: f64, seed: u64) -> (Vec<Vec<Observation>>, BundleState) {
     let tracks = options.build();
     let first_from_world = tracks.camera_from_world[0];
     let of_point = |seen: &Vec<tracks::PointObservation>| {
-        seen.iter().map(|o| Observation { pose: o.camera, pixel: o.pixel }).collect()
+        seen.iter().map(|o| Observation::new(o.camera, o.pixel)).collect()
     };
     let truth = BundleState {
         intrinsics: options.intrinsics,
@@ -177,7 +177,7 @@ fn nothing_to_adjust_is_no_accident() {
         poses: vec![Isometry3::identity(); 2],
         points: vec![Point3::new(0.0, 0.0, -1.0)],
     };
-    let behind = Observation { pose: 1, pixel: Point2::new(3.0, 4.0) };
+    let behind = Observation::new(1, Point2::new(3.0, 4.0));
     let mut problem = BundleProblem { observations: vec![vec![behind]], options: BundleOptions::default() };
     assert!(problem.adjust(&mut state).final_cost.is_finite());
     problem.observations.clear();

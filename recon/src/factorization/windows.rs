@@ -149,7 +149,7 @@ fn solve(
             if let Some(slot) = frame.checked_sub(first).and_then(|f| row.get_mut(f)) {
                 let ray = intrinsics.unproject(pixel)?;
                 *slot = Some(Vector2::new(ray.x, ray.y));
-                seen.push(Observation { pose: frame - first, pixel: *pixel });
+                seen.push(Observation::new(frame - first, *pixel));
             }
         }
         measured.push(row);

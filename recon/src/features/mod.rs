@@ -6,6 +6,7 @@
 //! so each point then is registered ([`register`]) against the patch of its first appearance, which also detects when
 //! it shows something else. Lost features are replaced, spread over the image, so tracks come and go.
 
+mod filmed_size;
 mod intensity;
 mod probe;
 mod register;
@@ -20,6 +21,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
+pub(crate) use filmed_size::FilmedPatch;
 pub(crate) use intensity::Intensity;
 pub(crate) use register::{Patch, Reading, Warp};
 use turn::CoarseScales;

@@ -5,11 +5,13 @@
 //! reprojection error is kept. An unknown lens has starts from several fields of view, and its bends are free from the first
 //! adjustment on. The reconstruction predicts the positions of lost features ([`revisit`]): links between frames that are
 //! not neighbours, which limit the drift of long paths. Then the readout time of the frames is estimated ([`readout`]),
-//! the reconstruction is polished by renewed triangulation and adjustment, and its estimate of the lens is combined
+//! the reconstruction is polished by renewed triangulation and adjustment, refined in the filmed pictures where they are larger
+//! than those that are worked on ([`filmed_size`]), and its estimate of the lens is combined
 //! with prior knowledge ([`lens`]). A capture that determines no motion is refused with what to film instead.
 
 mod ambiguity;
 mod diagnosis;
+mod filmed_size;
 mod five_point;
 mod incremental;
 mod lens;
@@ -148,6 +150,7 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     revisit::revisit(&mut partial, &capture.frames, &options.features, lens);
     let readout = readout::settle(&mut partial, lens);
     partial.polish(lens, options.polish_rounds, FINAL);
+    filmed_size::refine(&mut partial, capture, readout, lens, &options.features)?;
     let lens = lens::settle(&mut partial, capture.intrinsics.is_some(), options.refine_lens);
     finish(capture, options, &partial, Before { features, starts, ambiguity, explained, readout, lens })
 }

@@ -31,6 +31,8 @@ pub(crate) struct PartialReconstruction<'a> {
     pub(crate) poses: Vec<Option<Isometry3<f64>>>,
     /// Point of each track.
     pub(crate) points: Vec<Option<Point3<f64>>>,
+    /// Precision of each track's observations, see [`Observation::precision`]; empty where all are equally precise.
+    pub(crate) precisions: Vec<Vec<f64>>,
 }
 
 /// Options of an adjustment of the whole reconstruction.
@@ -79,6 +81,7 @@ impl<'a> PartialReconstruction<'a> {
             intrinsics,
             poses: vec![None; frames],
             points: vec![None; tracks.len()],
+            precisions: Vec::new(),
         }
     }
 
@@ -113,13 +116,21 @@ impl<'a> PartialReconstruction<'a> {
         self.points = points;
     }
 
-    /// Errors of all observations that have a pose and a point, pixels.
+    /// Errors of all observations that have a pose and a point, pixels; those of less precise ones as they count.
     pub(crate) fn errors_px(&self) -> Vec<f64> {
-        let of_track = |(track, point): (&FeatureTrack, &Option<Point3<f64>>)| -> Vec<f64> {
-            let Some(point) = point else { return Vec::new() };
-            track.observations.iter().filter_map(|(f, pixel)| self.error_px(*f, point, pixel)).collect()
+        let of_track = |(index, track): (usize, &FeatureTrack)| -> Vec<f64> {
+            let Some(point) = &self.points[index] else { return Vec::new() };
+            let error = |(place, (frame, pixel)): (usize, &(usize, Point2<f64>))| {
+                Some(self.precision(index, place).sqrt() * self.error_px(*frame, point, pixel)?)
+            };
+            track.observations.iter().enumerate().filter_map(error).collect()
         };
-        self.tracks.iter().zip(&self.points).flat_map(of_track).collect()
+        self.tracks.iter().enumerate().flat_map(of_track).collect()
+    }
+
+    /// Precision of an observation of a track.
+    fn precision(&self, track: usize, place: usize) -> f64 {
+        self.precisions.get(track).map_or(1.0, |of| of[place])
     }
 
     /// Error of an observation, pixels; `None` where the frame has no pose, infinite behind the camera.
@@ -200,15 +211,13 @@ impl<'a> PartialReconstruction<'a> {
         let mut tracks = Vec::new();
         for (index, (track, point)) in self.tracks.iter().zip(&self.points).enumerate() {
             let Some(point) = point else { continue };
-            let within = |&&(frame, pixel): &&(usize, Point2<f64>)| {
-                self.error_px(frame, point, &pixel).is_some_and(|e| e <= how.gate_px)
+            let within = |(place, &(frame, pixel)): (usize, &(usize, Point2<f64>))| {
+                let precision = self.precision(index, place);
+                let error = precision.sqrt() * self.error_px(frame, point, &pixel)?;
+                (error <= how.gate_px).then(|| Observation { pose: pose_of[frame], pixel, precision })
             };
-            let observations: Vec<Observation> = track
-                .observations
-                .iter()
-                .filter(within)
-                .map(|&(frame, pixel)| Observation { pose: pose_of[frame], pixel })
-                .collect();
+            let observations: Vec<Observation> =
+                track.observations.iter().enumerate().filter_map(within).collect();
             if observations.len() >= 2 {
                 tracks.push(index);
                 state.points.push(*point);

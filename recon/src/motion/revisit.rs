@@ -52,14 +52,29 @@ pub(super) fn revisit(
     }
 }
 
-/// Predicted warp of a track's first patch in a frame, taken as a piece of plane that faces its camera.
+/// Predicted warp of a track's first patch in a frame that views it from about the same direction.
 fn predicted(partial: &PartialReconstruction<'_>, track: usize, frame: usize) -> Option<Warp> {
     let point = partial.points[track]?;
-    let (first, home) = *partial.tracks[track].observations.first()?;
-    let (from, to) = (partial.poses[first]?, partial.poses[frame]?);
+    let (first, _) = *partial.tracks[track].observations.first()?;
     let ray = |pose: &Isometry3<f64>| -> Vector3<f64> { point - pose.inverse() * Point3::origin() };
+    let (from, to) = (partial.poses[first]?, partial.poses[frame]?);
+    let is_alike = ray(&from).angle(&ray(&to)) <= WIDEST_DEG.to_radians();
+    if is_alike { carried_patch(partial, track, 0, frame) } else { None }
+}
+
+/// Predicted warp, in a frame, of the patch of a track's observation with an index, taken as a piece of plane that faces its
+/// camera.
+pub(super) fn carried_patch(
+    partial: &PartialReconstruction<'_>,
+    track: usize,
+    cut_at: usize,
+    frame: usize,
+) -> Option<Warp> {
+    let point = partial.points[track]?;
+    let (first, home) = *partial.tracks[track].observations.get(cut_at)?;
+    let (from, to) = (partial.poses[first]?, partial.poses[frame]?);
     let depth = (from * point).z;
-    if depth <= 0.0 || ray(&from).angle(&ray(&to)) > WIDEST_DEG.to_radians() {
+    if depth <= 0.0 {
         return None;
     }
     let center = partial.intrinsics.project(&(to * point))?;

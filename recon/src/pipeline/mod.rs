@@ -237,8 +237,7 @@ fn process<T>(
     let name = capture.name.clone();
     let keys = Keys::of(&capture, options);
     let size = file.size();
-    let reference =
-        if size.is_same() { capture.frames[capture.reference].clone() } else { file.reference_picture()? };
+    let reference = capture.reference_picture().clone();
     let before = cache.and_then(|cache| cache.surface(&name, &keys));
     let processed = if let Some(processed) = before {
         step(format!("{name}: camera motion kept from before"));

@@ -170,6 +170,7 @@ mod tests {
             reference: 0,
             intrinsics: None,
             exif_focal_px: None,
+            larger: None,
         };
         let posed =
             PosedCapture { lens, camera_from_world, points, observations, readout: 0.0, room_from_world };

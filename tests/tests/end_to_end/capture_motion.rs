@@ -133,6 +133,7 @@ fn turning(picture: &RgbImage, wide: &Intrinsics, frames: u32) -> Capture {
         reference: frames as usize - 1,
         intrinsics: Some(narrow),
         exif_focal_px: None,
+        larger: None,
     }
 }
 

@@ -194,6 +194,7 @@ mod tests {
             reference: 1,
             intrinsics: None,
             exif_focal_px: None,
+            larger: None,
         }
     }
 
