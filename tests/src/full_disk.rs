@@ -1,7 +1,9 @@
 //! Programs on a full disk, simulated by a limit on the size of each file that they write.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::time::SystemTime;
 
 use image::{Rgb, RgbImage};
 use rand::{RngExt, SeedableRng};
@@ -80,14 +82,16 @@ impl Writer {
         let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
         let folder = scratch.path();
         inputs(folder)?;
-        let given = files(folder);
+        let given = written_at(folder);
         let whole = program(self.program).args(self.arguments()).current_dir(folder).output();
         let whole = whole.map_err(|e| e.to_string())?;
         if !whole.status.success() {
             return Err(format!("{self:?}: {}", String::from_utf8_lossy(&whole.stderr)));
         }
         let expected = files(folder);
-        let results = expected.iter().filter(|(name, bytes)| given.get(*name) != Some(bytes));
+        // A command may write again what was there.
+        let now = written_at(folder);
+        let results = expected.iter().filter(|(name, _)| given.get(*name) != now.get(*name));
         let largest = results.map(|(_, bytes)| bytes.len()).max().unwrap_or(1) as f64;
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let mut outcome = Outcome::default();
@@ -103,11 +107,17 @@ impl Writer {
     }
 }
 
+/// Time at which each file was written.
+fn written_at(folder: &Path) -> BTreeMap<PathBuf, Option<SystemTime>> {
+    let time = |name: &Path| folder.join(name).metadata().and_then(|found| found.modified()).ok();
+    files(folder).into_keys().map(|name| (name.clone(), time(&name))).collect()
+}
+
 /// Faults of a command that ran with little room, of which `expected` is what it writes with enough.
 fn faults(
     output: &Output,
     folder: &Path,
-    expected: &std::collections::BTreeMap<PathBuf, Vec<u8>>,
+    expected: &BTreeMap<PathBuf, Vec<u8>>,
     outcome: &mut Outcome,
 ) -> Vec<String> {
     let said = String::from_utf8_lossy(&output.stderr);

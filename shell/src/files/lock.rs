@@ -42,7 +42,7 @@ pub struct FolderLock {
     /// The folder, if it was made for the lock.
     made: Option<PathBuf>,
     /// Unlocked when it is closed.
-    _file: File,
+    file: File,
 }
 
 impl FolderLock {
@@ -57,9 +57,18 @@ impl FolderLock {
         let io = |source| LockError::Io { path: folder.to_owned(), source };
         let is_new = !folder.exists();
         std::fs::create_dir_all(folder).map_err(io)?;
-        let mut lock = Self::take_file(&folder.join(Self::NAME), folder, work, Duration::ZERO)?;
-        lock.made = is_new.then(|| folder.to_owned());
-        Ok(lock)
+        let made = is_new.then(|| folder.to_owned());
+        match Self::take_file(&folder.join(Self::NAME), folder, work, Duration::ZERO) {
+            Ok(mut lock) => {
+                lock.made = made;
+                Ok(lock)
+            }
+            Err(error) => {
+                // It is empty, or else another process writes there.
+                let _ = made.as_deref().map(std::fs::remove_dir);
+                Err(error)
+            }
+        }
     }
 
     /// Locks a folder by a file of another name or place, and waits so long for a process that is ending.
@@ -78,8 +87,10 @@ impl FolderLock {
                     if !is_name_of(path, &file).map_err(io)? {
                         continue;
                     }
-                    write_holder(&mut file, work).map_err(io)?;
-                    return Ok(Self { path: path.to_owned(), made: None, _file: file });
+                    // A file without its text, as on a full disk, is removed again with the lock.
+                    let mut lock = Self { path: path.to_owned(), made: None, file };
+                    write_holder(&mut lock.file, work).map_err(io)?;
+                    return Ok(lock);
                 }
                 Err(TryLockError::WouldBlock) if begun.elapsed() < patience => std::thread::sleep(LOOK),
                 Err(TryLockError::WouldBlock) => {
@@ -139,6 +150,19 @@ mod tests {
         std::fs::write(out.join("result"), "").unwrap();
         drop(again);
         assert_eq!(std::fs::read_dir(&out).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_lock_that_cannot_be_written_leaves_no_file() {
+        if !Path::new("/dev/full").exists() {
+            return;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FolderLock::NAME);
+        // A device that is always full has the name of the file.
+        std::os::unix::fs::symlink("/dev/full", &path).unwrap();
+        assert!(FolderLock::take(folder.path(), "tracker run").is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     #[test]
