@@ -11,6 +11,7 @@ use std::collections::HashMap;
 use super::assignment::best;
 use super::grid::PairTable;
 use super::instant::SIMILARITY_TOLERANCE;
+use super::pair_sums::PairSums;
 use super::scenario::Scenario;
 use super::{MetricFigure, TrackMetric, percent};
 
@@ -165,7 +166,12 @@ fn tallies(scenario: &Scenario) -> Vec<ThresholdTally> {
         instant.truth.iter().for_each(|person| truth_count[*person] += 1.0);
         instant.tracks.iter().for_each(|track| track_count[*track] += 1.0);
     }
-    let alignment = alignment(scenario, &truth_count, &track_count);
+    let together = together(scenario);
+    // Soft Jaccard index of a person and a track over the recording, before any matching.
+    let alignment = |person: usize, track: usize| {
+        let both = together.at(person, track);
+        both / (truth_count[person] + track_count[track] - both)
+    };
 
     let mut tallies = vec![
         ThresholdTally {
@@ -179,7 +185,7 @@ fn tallies(scenario: &Scenario) -> Vec<ThresholdTally> {
     let mut strictest: HashMap<(usize, usize), [u32; THRESHOLDS]> = HashMap::new();
     for instant in &scenario.instants {
         let weights = PairTable::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
-            alignment.at(instant.truth[i], instant.tracks[j]) * instant.similarity.at(i, j)
+            alignment(instant.truth[i], instant.tracks[j]) * instant.similarity.at(i, j)
         });
         for (i, j) in best(&weights) {
             let similarity = instant.similarity.at(i, j);
@@ -208,9 +214,9 @@ fn tallies(scenario: &Scenario) -> Vec<ThresholdTally> {
     tallies
 }
 
-/// Soft Jaccard index of each person and track over the recording, before any matching.
-fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> PairTable {
-    let mut together = PairTable::zeros(scenario.people, scenario.tracks);
+/// Number of frames that each person and track share, in parts where several are near.
+fn together(scenario: &Scenario) -> PairSums {
+    let mut together = PairSums::default();
     for instant in &scenario.instants {
         let similarity = &instant.similarity;
         let row_sum = |i| (0..instant.tracks.len()).map(|j| similarity.at(i, j)).sum::<f64>();
@@ -226,7 +232,5 @@ fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> P
             }
         }
     }
-    PairTable::from_fn(scenario.people, scenario.tracks, |i, j| {
-        together.at(i, j) / (truth_count[i] + track_count[j] - together.at(i, j))
-    })
+    together
 }

@@ -5,8 +5,7 @@
 //! as many rows as possible agree; their minimum-cost assignment with dummies is the assignment with the most agreeing
 //! rows.
 
-use super::assignment::best;
-use super::grid::PairTable;
+use super::pair_sums::PairSums;
 use super::scenario::Scenario;
 use super::{MetricFigure, TrackMetric, percent};
 
@@ -82,7 +81,7 @@ impl IdentityMetric {
 }
 
 fn agreeing_rows(scenario: &Scenario) -> usize {
-    let mut together = PairTable::zeros(scenario.people, scenario.tracks);
+    let mut together = PairSums::default();
     for instant in &scenario.instants {
         for (i, person) in instant.truth.iter().enumerate() {
             for (j, track) in instant.tracks.iter().enumerate() {
@@ -92,5 +91,5 @@ fn agreeing_rows(scenario: &Scenario) -> usize {
             }
         }
     }
-    best(&together).iter().map(|(person, track)| together.at(*person, *track) as usize).sum()
+    together.assigned().iter().map(|rows| *rows as usize).sum()
 }

@@ -33,6 +33,7 @@ mod hota;
 mod identity;
 mod instant;
 mod lasting;
+mod pair_sums;
 mod people_count;
 pub mod plots;
 mod position;
