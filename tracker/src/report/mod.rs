@@ -15,6 +15,7 @@ mod page;
 mod recording;
 mod stills;
 mod tables;
+mod thinning;
 mod time_axis;
 mod timeline;
 

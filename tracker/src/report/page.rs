@@ -103,11 +103,13 @@ fn header(recording: &RunRecording, title: &str) -> String {
     for (value, name) in day::cards(&recording.day) {
         let _ = write!(cards, "<div class=\"card\"><b>{}</b><span>{name}</span></div>", escape(&value));
     }
+    let shown =
+        if recording.every > 1 { format!(" (one in {} is shown)", recording.every) } else { String::new() };
     format!(
-        "<header>\n<h1>{title}</h1>\n<p class=\"lead\">{} frames, {:.1} s, {cameras} camera{} ({}), \
+        "<header>\n<h1>{title}</h1>\n<p class=\"lead\">{} frames{shown}, {:.1} s, {cameras} camera{} ({}), \
          room <code>{}</code>.</p>\n\
          <div class=\"cards\">{cards}</div>\n</header>\n",
-        recording.frames.len(),
+        recording.frame_count,
         last - first,
         if cameras == 1 { "" } else { "s" },
         escape(&recording.cameras.join(", ")),

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 use mot::eval::{EvalOptions, Evaluation, align};
-use mot::jsonl::{self, FrameLine, PersonLine};
+use mot::jsonl::{FrameLine, PersonLine};
 use mot::rows::RowFile;
 use nalgebra::Point2;
 use scenes::room::Room;
 
+use super::thinning::{MOST_ESTIMATES, ThinnedFrames};
 use super::{ReportSources, belonging};
 use crate::events::stats::DayStats;
 use crate::events::{self, EventFileOptions};
@@ -31,8 +32,14 @@ pub(super) struct RunRecording {
     pub(super) room: Room,
     /// Cameras that took part, in the room's order.
     pub(super) cameras: Vec<String>,
-    /// Estimates of each frame.
+    /// Estimates of the frames that are shown: every [`Self::every`]-th one.
     pub(super) frames: Vec<FrameLine>,
+    /// Distance of two frames that are shown.
+    pub(super) every: usize,
+    /// Number of all frames of the run.
+    pub(super) frame_count: usize,
+    /// Time of the last frame of the run, seconds.
+    last_s: f64,
     /// Time per stage; `None` for a run that did not finish.
     pub(super) timings: Option<Timings>,
     /// People who came and went, by place.
@@ -61,13 +68,14 @@ impl RunRecording {
     /// Names the file and the place in it.
     pub(super) fn read(sources: &ReportSources) -> Result<Self> {
         let room = Room::read(&sources.room)?;
-        let frames = jsonl::read(&sources.run.join("tracks.jsonl"))?;
+        let thinned = ThinnedFrames::read(&sources.run.join("tracks.jsonl"), MOST_ESTIMATES)?;
+        let ThinnedFrames { kept: frames, every, count: frame_count, last_s, cameras: named } = thinned;
         let timings_path = sources.run.join("timings.json");
         let timings = timings_path.exists().then(|| Timings::read(&timings_path)).transpose()?;
         let took_part = |name: &str| {
             film_path(&sources.run, name).exists()
                 || sources.run.join("boxes").join(format!("{name}.txt")).exists()
-                || frames.iter().flat_map(|f| &f.people).any(|p| p.visible.contains_key(name))
+                || named.contains(name)
         };
         let cameras: Vec<String> =
             room.cameras.iter().map(|c| c.name.clone()).filter(|name| took_part(name)).collect();
@@ -78,7 +86,7 @@ impl RunRecording {
                 format!("none of them took part in {}; give the room of that run", sources.run.display()),
             ));
         }
-        belonging::check(&sources.run, &frames, &room, &sources.room)?;
+        belonging::check(&sources.run, (&named, &frames), &room, &sources.room)?;
         let (day, heat) = events_of(sources)?;
         let (evaluation, truth_paths) = match &sources.truth {
             Some(truth) => {
@@ -94,6 +102,9 @@ impl RunRecording {
             room,
             cameras,
             frames,
+            every,
+            frame_count,
+            last_s,
             timings,
             day,
             heat: heat.filter(|_| frames_have_people),
@@ -113,11 +124,10 @@ impl RunRecording {
 
     /// First and last time, seconds.
     pub(super) fn span_s(&self) -> (f64, f64) {
-        let time = |frame: Option<&FrameLine>| frame.map_or(0.0, |f| f.time);
-        (time(self.frames.first()), time(self.frames.last()))
+        (self.frames.first().map_or(0.0, |frame| frame.time), self.last_s)
     }
 
-    /// Positions and times of each track, by id.
+    /// Positions and times of each track, by id, in the frames that are shown.
     pub(super) fn tracks(&self) -> BTreeMap<TrackId, Vec<(f64, Point2<f64>)>> {
         let mut tracks: BTreeMap<TrackId, Vec<(f64, Point2<f64>)>> = BTreeMap::new();
         for frame in &self.frames {

@@ -23,7 +23,12 @@ pub(super) fn stills(
     wanted: &[usize],
 ) -> Result<Vec<(usize, RgbImage)>> {
     match recording.film(camera) {
-        Some(film) => from_film(&film.display().to_string(), wanted),
+        Some(film) => {
+            // The film has all frames.
+            let filmed: Vec<usize> = wanted.iter().map(|index| index * recording.every).collect();
+            let stills = from_film(&film.display().to_string(), &filmed)?;
+            Ok(stills.into_iter().map(|(index, picture)| (index / recording.every, picture)).collect())
+        }
         None => drawn(recording, camera, wanted),
     }
 }

@@ -173,8 +173,7 @@ impl Dimensions {
             }
             let norm = dot(&rest, &rest).sqrt();
             if norm > LEAST_LENGTH && axes.len() < MOST_DIMENSIONS {
-                rest.iter_mut().for_each(|value| *value /= norm);
-                axes.push(rest);
+                axes.push(rest.iter().map(|value| value / norm).collect());
             }
         }
         (!axes.is_empty()).then_some(Self { origin, axes })
@@ -197,7 +196,9 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// was seen for as long.
 fn error_variance(shown: &[Shown], tracks: usize) -> Option<f64> {
     let mut of_tracks: Vec<Vec<&Shown>> = vec![Vec::new(); tracks];
-    shown.iter().for_each(|seen| of_tracks[seen.track].push(seen));
+    for seen in shown {
+        of_tracks[seen.track].push(seen);
+    }
     let mut halves: Vec<f64> = Vec::new();
     for track in &of_tracks {
         let mut later = track.iter().peekable();

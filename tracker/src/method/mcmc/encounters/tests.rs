@@ -63,7 +63,7 @@ impl Held {
             };
             self.motions.insert(*key, motion.clone());
             let mut vector = MeanVector::default();
-            if let Some((_, exact)) = self.vectors.iter().find(|(of_m, _)| of_m == height_m) {
+            if let Some((_, exact)) = self.vectors.iter().find(|(of_m, _)| of_m.total_cmp(height_m).is_eq()) {
                 vector.add_box(&exact.map(|value| value + self.rng.random_range(-0.3..0.3)));
             }
             let height = Some(Spread { mean_m: *height_m, sigma_m: HEIGHT_SIGMA_M });
