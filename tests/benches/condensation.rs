@@ -5,15 +5,17 @@
 //! `cargo bench -p tests --bench condensation [-- occlusion|entries|accuracy|time]`
 #![forbid(unsafe_code)]
 
+use nalgebra::Point3;
+use rayon::prelude::*;
 use synthetic::{SyntheticRoom, WalkerOptions};
 use tests::chain::StepResult;
 use tests::hall::{
     behind_the_screen, empty_pictures, going_round, hall, hidden_from, nearest, passing_through, pictures,
     recording, step, tracker,
 };
-use tracker::TrackId;
 use tracker::method::condensation::integration::Integration;
 use tracker::method::condensation::{Condensation, CondensationOptions};
+use tracker::{PersonEstimate, TrackId};
 
 /// Pictures a second.
 const RATE_HZ: f64 = 12.0;
@@ -91,6 +93,18 @@ impl HeadTrial {
     fn new(tracker: Condensation) -> Self {
         Self { tracker, who: None, was_hidden: false, off: 0, is_lost: false }
     }
+
+    /// Notes whether one of these people is on the head, which is hidden or not.
+    fn judge(&mut self, people: &[PersonEstimate], head: &Point3<f64>, is_hidden: bool) {
+        let on_head = nearest(people, head).filter(|(_, error)| *error < ON_HEAD_M).map(|(p, _)| p.id);
+        self.was_hidden |= is_hidden && self.who.is_some();
+        if !self.was_hidden {
+            self.who = on_head.filter(|_| !is_hidden).or(self.who);
+            return;
+        }
+        self.off = if on_head.is_some() && on_head == self.who { 0 } else { self.off + 1 };
+        self.is_lost |= self.off >= LOST_MOMENTS;
+    }
 }
 
 /// Follows a person through the hall.
@@ -104,19 +118,14 @@ fn follow_behind_screen(
         let pictures = pictures(&frame);
         let truth = frame.people.first().filter(|p| p.inside);
         let is_hidden = truth.is_some_and(|p| 2 * hidden_from(room, &p.head) >= pictures.len());
-        for trial in &mut *trials {
+        // Trackers know nothing of each other.
+        trials.par_iter_mut().try_for_each(|trial| -> StepResult<()> {
             let people = step(&mut trial.tracker, &frame, &pictures)?;
-            let Some(truth) = truth else { continue };
-            let on_head =
-                nearest(&people, &truth.head).filter(|(_, error)| *error < ON_HEAD_M).map(|(p, _)| p.id);
-            trial.was_hidden |= is_hidden && trial.who.is_some();
-            if !trial.was_hidden {
-                trial.who = on_head.filter(|_| !is_hidden).or(trial.who);
-                continue;
+            if let Some(truth) = truth {
+                trial.judge(&people, &truth.head, is_hidden);
             }
-            trial.off = if on_head.is_some() && on_head == trial.who { 0 } else { trial.off + 1 };
-            trial.is_lost |= trial.off >= LOST_MOMENTS;
-        }
+            Ok(())
+        })?;
     }
     Ok(())
 }
@@ -139,7 +148,7 @@ fn entries() -> StepResult<()> {
                 came[i] = true;
                 found[i] |= nearest(&people, &truth.head).is_some_and(|(_, error)| error < ON_HEAD_M);
             }
-            let is_nobody = |p: &&tracker::PersonEstimate| {
+            let is_nobody = |p: &&PersonEstimate| {
                 frame.people.iter().all(|t| tests::hall::error_m(p, &t.head) > 2.0 * ON_HEAD_M)
             };
             nobody += people.iter().filter(is_nobody).count();
