@@ -107,7 +107,7 @@ mod tests {
             let thinned = ThinnedFrames::read(&path, most).unwrap();
             assert!(3 * thinned.kept.len() <= most.max(3), "{most}: {} frames", thinned.kept.len());
             assert!(thinned.kept.iter().eq(whole.kept.iter().step_by(thinned.every)), "{most}");
-            // What is said of all frames holds all of them.
+            // Number, last time and cameras are those of all frames, not of the kept ones.
             assert_eq!((thinned.count, thinned.last_s, thinned.cameras.len()), (100, 10.0, 2));
         }
     }

@@ -161,6 +161,9 @@ impl Encounters {
 
     /// Finds the most probable exchanges, and gives the held moments their names. `None` where nothing changed.
     fn weigh(&mut self, moments: &mut VecDeque<LaggedMoment>, options: &McmcOptions) -> Option<Renamed> {
+        if self.list.is_empty() {
+            return None;
+        }
         let window = Window::new(moments, self, options);
         let before: Vec<bool> = self.list.iter().map(|encounter| encounter.is_exchange).collect();
         let exchanges = annealing::most_probable(&window, &self.list, &mut self.rng);

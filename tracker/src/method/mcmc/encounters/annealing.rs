@@ -30,15 +30,12 @@ const ATTEMPTS: usize = 20;
 /// Loss by the places, in nats at temperature 1, beyond which no step is taken.
 const HOPELESS_NATS: f64 = 25.0;
 
-/// Most probable exchanges that were found, from the present ones.
+/// Most probable exchanges that were found, from the present ones, among one or more encounters.
 pub(super) fn most_probable(window: &Window<'_>, encounters: &[Encounter], rng: &mut Pcg64Mcg) -> Vec<bool> {
     let mut now: Vec<bool> = encounters.iter().map(|encounter| encounter.is_exchange).collect();
-    if encounters.is_empty() {
-        return now;
-    }
     let by_tracks = ByTracks::new(window, encounters.len());
     let mut sums = Sums::default();
-    let mut sizes_nats = window.log_density(&now, &mut sums);
+    let mut traits_nats = window.log_density(&now, &mut sums);
     let (mut gain, mut best_gain, mut best) = (0.0, 0.0, now.clone());
     let steps = (STEPS_EACH * encounters.len()).clamp(LEAST_STEPS, MOST_STEPS);
     let mut changed: Vec<usize> = Vec::new();
@@ -55,9 +52,9 @@ pub(super) fn most_probable(window: &Window<'_>, encounters: &[Encounter], rng: 
         }
         toggle(&mut now, &changed);
         let then = window.log_density(&now, &mut sums);
-        let difference = by_places + then - sizes_nats;
+        let difference = by_places + then - traits_nats;
         if difference >= 0.0 || rng.random::<f64>() < (difference / temperature).exp() {
-            sizes_nats = then;
+            traits_nats = then;
             gain += difference;
             if gain > best_gain + 1e-6 {
                 best_gain = gain;

@@ -2,15 +2,16 @@
 //! E. de Villiers, "The speaker partitioning problem", Odyssey 2010.
 //!
 //! In the few dimensions in which the means of the tracks differ, the vector that a person shows in a second is
-//! `x = mean of all + y + e`. The person's own part `y` has the variance `b` in each dimension, the error `e` the variance `s²`;
-//! errors last about a second, so that the vectors of a second count as one. All vectors of one name then have the log density
+//! `x = mean of all + y + e`. The person's own part `y` has the variance `b` between people in each dimension, the error `e` the
+//! variance `w` within one person; errors last about a second, so that the vectors of a second count as one. All vectors of one
+//! name then have the log density
 //!
 //! ```text
-//! ½ |S|² b / (s² (s² + n b))  −  ½ ln(1 + n b / s²)        S = Σ x − mean of all,  n: number of seconds
+//! ½ |S|² b / (w (w + n b))  −  ½ ln(1 + n b / w)        S = Σ x − mean of all,  n: number of seconds
 //! ```
 //!
 //! up to what does not depend on who is who. Networks differ in how far apart people are: both variances are those of the window
-//! itself, `s²` from what each track shows two seconds later, `b` from the tracks' means.
+//! itself, `w` from what each track shows two seconds later, `b` from the tracks' means.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -29,8 +30,8 @@ const KNOWN_SECONDS: f64 = 5.0;
 /// Largest number of dimensions, and least length of what a mean adds to those before.
 const MOST_DIMENSIONS: usize = 24;
 const LEAST_LENGTH: f64 = 0.05;
-/// Least variance of the error over all dimensions: of a camera that shows a person twice in the same way, no more is known.
-const LEAST_ERROR: f64 = 1e-3;
+/// Least variance within a person over all dimensions: of a camera that shows a person twice in the same way, no more is known.
+const LEAST_VARIANCE: f64 = 1e-3;
 
 /// Sums of the vectors of tracks and names. A row has the dimensions, and then the number of seconds.
 pub(super) struct Appearance {
@@ -41,13 +42,13 @@ pub(super) struct Appearance {
     /// Sum of the first moments of each track: `moments + 1` rows a track.
     shown: Vec<f64>,
     moments: usize,
-    /// Variances of the error of a second and of people, `s²` and `b`.
-    error: f64,
-    people: f64,
+    /// Variances of a second's vector within a person, and between people, in each dimension.
+    within: f64,
+    between: f64,
 }
 
 /// Vector of a track at a moment, in the dimensions.
-struct Shown {
+struct Seen {
     track: usize,
     moment: usize,
     time_s: f64,
@@ -59,14 +60,13 @@ impl Appearance {
     /// no two tracks show different vectors.
     pub(super) fn new<'a>(
         settled: &[Option<&LearntTraits>],
-        moments: impl ExactSizeIterator<Item = &'a LaggedMoment> + Clone,
+        moments: impl Iterator<Item = &'a LaggedMoment> + Clone,
         tracks: &BTreeMap<Key, usize>,
     ) -> Option<Self> {
         let all = moments.clone().enumerate().flat_map(|(at, moment)| {
-            let of_track = |key: &Key| tracks.get(key).copied();
             let people = moment.people.iter().filter(|trace| trace.shown.vector.boxes() > 0.0);
             people.filter_map(move |trace| {
-                Some((of_track(&trace.key)?, at, moment.time_s, &trace.shown.vector))
+                Some((*tracks.get(&trace.key)?, at, moment.time_s, &trace.shown.vector))
             })
         });
         let mut sums = vec![MeanVector::default(); settled.len()];
@@ -74,50 +74,28 @@ impl Appearance {
             sums[track].add(vector, f64::INFINITY);
         }
         let dimensions = Dimensions::between(&sums)?;
-        let shown: Vec<Shown> = all
-            .map(|(track, moment, time_s, vector)| Shown {
+        let coordinates = |vector: &MeanVector| dimensions.coordinates(vector);
+        let seen: Vec<Seen> = all
+            .map(|(track, moment, time_s, vector)| Seen {
                 track,
                 moment,
                 time_s,
-                vector: dimensions.coordinates(vector),
+                vector: coordinates(vector),
             })
             .collect();
-        let count = dimensions.axes.len();
-        let error = error_variance(&shown, settled.len())? / count as f64;
-        let means: Vec<Vec<f64>> =
-            sums.iter().filter(|sum| sum.boxes() > 0.0).map(|sum| dimensions.coordinates(sum)).collect();
-        let total: f64 = means.iter().flatten().map(|value| value * value).sum();
-        let people = total / (means.len() * count) as f64;
-
-        let row = count + 1;
-        let rows = moments.len() + 1;
-        let times: Vec<f64> = moments.map(|moment| moment.time_s).collect();
-        let mut table = vec![0.0; settled.len() * rows * row];
-        for Shown { track, moment, time_s, vector } in &shown {
-            let since_s = moment.checked_sub(1).map_or(ERRORS_LAST_S, |before| time_s - times[before]);
-            let weight = (since_s / ERRORS_LAST_S).min(1.0);
-            let at = (track * rows + moment + 1) * row;
-            vector.iter().zip(&mut table[at..]).for_each(|(value, sum)| *sum = weight * value);
-            table[at + count] = weight;
-        }
-        for of_track in table.chunks_exact_mut(rows * row) {
-            for at in row..of_track.len() {
-                of_track[at] += of_track[at - row];
-            }
-        }
-        let mut known = vec![0.0; settled.len() * row];
-        for (traits, of_name) in settled.iter().zip(known.chunks_exact_mut(row)) {
-            if let Some(vector) = traits.map(LearntTraits::vector).filter(|vector| vector.boxes() > 0.0) {
-                let weight = KNOWN_SECONDS * vector.boxes() / (vector.boxes() + HALF_KNOWN_BOXES);
-                dimensions
-                    .coordinates(vector)
-                    .iter()
-                    .zip(&mut *of_name)
-                    .for_each(|(value, sum)| *sum = weight * value);
-                of_name[count] = weight;
-            }
-        }
-        Some(Self { row, known, shown: table, moments: rows - 1, error, people })
+        let means: Vec<Vec<f64>> = sums.iter().filter(|sum| sum.boxes() > 0.0).map(coordinates).collect();
+        let squared: f64 = means.iter().map(|mean| dot(mean, mean)).sum();
+        let count = dimensions.axes.len() as f64;
+        let times_s: Vec<f64> = moments.map(|moment| moment.time_s).collect();
+        let known = settled.iter().flat_map(|traits| dimensions.known_row(*traits));
+        Some(Self {
+            row: dimensions.axes.len() + 1,
+            known: known.collect(),
+            shown: sums_of_tracks(&seen, &seconds_of(&times_s), settled.len(), dimensions.axes.len()),
+            moments: times_s.len(),
+            within: variance_within(&seen, settled.len())? / count,
+            between: squared / (means.len() as f64 * count),
+        })
     }
 
     /// Rows of all names before the window.
@@ -142,9 +120,38 @@ impl Appearance {
     fn log_marginal(&self, row: &[f64]) -> f64 {
         let (seconds, sums) = (row[self.row - 1], &row[..self.row - 1]);
         let squared: f64 = sums.iter().map(|sum| sum * sum).sum();
-        let both = self.error + seconds * self.people;
-        0.5 * squared * self.people / (self.error * both) - 0.5 * (both / self.error).ln()
+        let both = self.within + seconds * self.between;
+        0.5 * squared * self.between / (self.within * both) - 0.5 * (both / self.within).ln()
     }
+}
+
+/// Number of seconds that each moment counts, by the times of all: its distance from the one before, at most [`ERRORS_LAST_S`].
+fn seconds_of(times_s: &[f64]) -> Vec<f64> {
+    let mut seconds: Vec<f64> =
+        times_s.windows(2).map(|pair| (pair[1] - pair[0]).min(ERRORS_LAST_S)).collect();
+    // The moment before the first one is not among them: as far away as the second.
+    seconds.insert(0, seconds.first().copied().unwrap_or(ERRORS_LAST_S));
+    seconds
+}
+
+/// Sums of the first moments of each track, one row for each number of them, with `count` dimensions.
+fn sums_of_tracks(seen: &[Seen], seconds: &[f64], tracks: usize, count: usize) -> Vec<f64> {
+    let row = count + 1;
+    let of_track = row * (seconds.len() + 1);
+    let mut sums = vec![0.0; tracks * of_track];
+    for Seen { track, moment, vector, .. } in seen {
+        let at = track * of_track + (moment + 1) * row;
+        for (sum, value) in sums[at..].iter_mut().zip(vector) {
+            *sum = seconds[*moment] * value;
+        }
+        sums[at + count] = seconds[*moment];
+    }
+    for sums in sums.chunks_exact_mut(of_track) {
+        for at in row..of_track {
+            sums[at] += sums[at - row];
+        }
+    }
+    sums
 }
 
 /// Directions in which the means of the tracks differ, orthonormal, and the mean of all.
@@ -179,6 +186,16 @@ impl Dimensions {
         (!axes.is_empty()).then_some(Self { origin, axes })
     }
 
+    /// Row of what was learnt of a name before the window.
+    fn known_row(&self, traits: Option<&LearntTraits>) -> Vec<f64> {
+        let Some(vector) = traits.map(LearntTraits::vector).filter(|vector| vector.boxes() > 0.0) else {
+            return vec![0.0; self.axes.len() + 1];
+        };
+        let seconds = KNOWN_SECONDS * vector.boxes() / (vector.boxes() + HALF_KNOWN_BOXES);
+        let sums = self.coordinates(vector).into_iter().map(|value| seconds * value);
+        sums.chain([seconds]).collect()
+    }
+
     /// Coordinates of a mean vector.
     fn coordinates(&self, vector: &MeanVector) -> Vec<f64> {
         let from_origin: Vec<f64> =
@@ -194,23 +211,23 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Variance of what a track shows in a moment, over all dimensions together: half of the mean squared difference from what it
 /// shows [`COMPARED_S`] later. People whom tracks exchanged in between make it larger, and the evidence smaller. `None` where nobody
 /// was seen for as long.
-fn error_variance(shown: &[Shown], tracks: usize) -> Option<f64> {
-    let mut of_tracks: Vec<Vec<&Shown>> = vec![Vec::new(); tracks];
-    for seen in shown {
+fn variance_within(seen: &[Seen], tracks: usize) -> Option<f64> {
+    let mut of_tracks: Vec<Vec<&Seen>> = vec![Vec::new(); tracks];
+    for seen in seen {
         of_tracks[seen.track].push(seen);
     }
-    let mut halves: Vec<f64> = Vec::new();
+    let (mut sum, mut count) = (0.0, 0);
     for track in &of_tracks {
         let mut later = track.iter().peekable();
         for seen in track {
             while later.next_if(|later| later.time_s < seen.time_s + COMPARED_S - 1e-6).is_some() {}
             let Some(later) = later.peek() else { break };
             let squared: f64 = seen.vector.iter().zip(&later.vector).map(|(a, b)| (a - b).powi(2)).sum();
-            halves.push(0.5 * squared);
+            sum += 0.5 * squared;
+            count += 1;
         }
     }
-    let mean = halves.iter().sum::<f64>() / halves.len() as f64;
-    (!halves.is_empty()).then_some(mean.max(LEAST_ERROR))
+    (count > 0).then(|| (sum / f64::from(count)).max(LEAST_VARIANCE))
 }
 
 #[cfg(test)]
@@ -222,21 +239,35 @@ mod tests {
     /// Integral over the person's own part by the midpoint rule, relative to no part at all.
     #[test]
     fn the_density_of_a_name_is_the_integral_over_the_persons_own_part() {
-        let (error, people) = (0.04_f64, 0.3_f64);
+        let (within, between) = (0.04_f64, 0.3_f64);
         let seconds: [f64; 4] = [0.4, 0.7, 0.2, 0.5];
         let appearance =
-            Appearance { row: 2, known: Vec::new(), shown: Vec::new(), moments: 0, error, people };
+            Appearance { row: 2, known: Vec::new(), shown: Vec::new(), moments: 0, within, between };
         let found = appearance.log_density(&[seconds.iter().sum(), 4.0]);
         let step = 1e-3;
         let integral: f64 = (-4000..4000)
             .map(|i| (f64::from(i) + 0.5) * step)
             .map(|own| {
-                let prior = (-0.5 * own * own / people).exp() / (std::f64::consts::TAU * people).sqrt();
-                let gain = |x: &f64| (x * x - (x - own).powi(2)) / (2.0 * error);
+                let prior = (-0.5 * own * own / between).exp() / (std::f64::consts::TAU * between).sqrt();
+                let gain = |x: &f64| (x * x - (x - own).powi(2)) / (2.0 * within);
                 prior * seconds.iter().map(gain).sum::<f64>().exp() * step
             })
             .sum();
         assert_relative_eq!(found, integral.ln(), max_relative = 1e-6);
+    }
+
+    #[test]
+    fn a_track_counts_as_many_seconds_as_it_is_seen_and_one_at_most_a_moment() {
+        let times_s: Vec<f64> = (0..20).map(|moment| f64::from(moment) * 0.25).collect();
+        let seen: Vec<Seen> = (4..16)
+            .map(|moment| Seen { track: 1, moment, time_s: times_s[moment], vector: vec![2.0, -1.0] })
+            .collect();
+        let sums = sums_of_tracks(&seen, &seconds_of(&times_s), 2, 2);
+        let row = |track: usize, moments: usize| sums[(track * 21 + moments) * 3..][..3].to_vec();
+        assert_eq!((row(0, 20), row(1, 4)), (vec![0.0; 3], vec![0.0; 3]));
+        assert_eq!((row(1, 8), row(1, 20)), (vec![2.0, -1.0, 1.0], vec![6.0, -3.0, 3.0]));
+        assert_eq!(seconds_of(&[3.0, 8.0, 8.5]), [1.0, 1.0, 0.5]);
+        assert_eq!(seconds_of(&[3.0]), [1.0]);
     }
 
     #[test]
