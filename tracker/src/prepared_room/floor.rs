@@ -103,9 +103,17 @@ impl Floor {
 
     /// Whether a body at a position touches an exit zone, or its doorstep: its middle may pass beside the zone.
     pub fn touches_exit(&self, x_m: f64, y_m: f64) -> bool {
+        self.exit_distance_m(x_m, y_m) <= BODY_M
+    }
+
+    /// Distance to the nearest place at which a track may end, metres; 0 within an exit zone and on its doorstep.
+    pub fn exit_distance_m(&self, x_m: f64, y_m: f64) -> f64 {
+        if self.may_disappear(x_m, y_m) {
+            return 0.0;
+        }
         let p = Point2::new(x_m, y_m);
-        let mut exits = self.zones.iter().filter(|zone| zone.kind != ZoneKind::Entry);
-        exits.any(|zone| zone.polygon.distance_m(&p) <= BODY_M) || self.may_disappear(x_m, y_m)
+        let exits = self.zones.iter().filter(|zone| zone.kind != ZoneKind::Entry);
+        exits.map(|zone| zone.polygon.distance_m(&p)).fold(f64::INFINITY, f64::min)
     }
 
     /// Smallest and largest corner of a box around all positions that people can occupy, metres.

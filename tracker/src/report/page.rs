@@ -10,6 +10,7 @@ use super::moments::{self, HIDDEN};
 use super::recording::RunRecording;
 use super::time_axis::TimeAxis;
 use super::{ReportOptions, day, floor_plan, stills, tables, timeline};
+use crate::events::duration;
 use crate::{Result, TrackId};
 
 const STYLE: &str = include_str!("page.css");
@@ -106,11 +107,11 @@ fn header(recording: &RunRecording, title: &str) -> String {
     let shown =
         if recording.every > 1 { format!(" (one in {} is shown)", recording.every) } else { String::new() };
     format!(
-        "<header>\n<h1>{title}</h1>\n<p class=\"lead\">{} frames{shown}, {:.1} s, {cameras} camera{} ({}), \
+        "<header>\n<h1>{title}</h1>\n<p class=\"lead\">{} frames{shown}, {}, {cameras} camera{} ({}), \
          room <code>{}</code>.</p>\n\
          <div class=\"cards\">{cards}</div>\n</header>\n",
         recording.frame_count,
-        last - first,
+        duration(last - first),
         if cameras == 1 { "" } else { "s" },
         escape(&recording.cameras.join(", ")),
         escape(&recording.room_dir.display().to_string())

@@ -2,8 +2,10 @@
 //! restores exchanged identities.
 
 use super::Mcmc;
+use super::blackout::LEAVES_WITHIN_M;
 use super::boxes::BoxMeasurement;
 use super::evidence::{Evidence, worst_filled};
+use super::lost::Sighting;
 use super::options::Spread;
 use super::person::Key;
 use super::posture::Size;
@@ -26,7 +28,8 @@ impl Mcmc {
     /// others end.
     pub(super) fn update_tracks(&mut self, tally: &Tally, found: BirthPhase) {
         let lives = |states: u32| states * 2 > tally.states();
-        self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
+        let ended = self.tracks.extract_if(.., |track| !tally.of(track.key).is_some_and(|s| lives(s.states)));
+        ended.for_each(|track| self.lost.add(track));
         let is_known = |sums: &Sums| self.tracks.iter().any(|t| t.key == sums.key);
         let new: Vec<&Sums> = tally.all().iter().filter(|s| lives(s.states) && !is_known(s)).collect();
         let shown = self.measurements(tally, &new);
@@ -54,6 +57,8 @@ impl Mcmc {
             // The number of people in more than half of the states can exceed the number in any one of them.
             if self.capacity.has_room(self.tracks.len()) {
                 let mut track = Track::born(sums, found, &self.options);
+                let place = sums.place();
+                track.may_have_come_in = self.stage.floor.may_appear(place.x, place.y);
                 if let Some(Some(shown)) = shown.get(known + i) {
                     track.appear(shown, &self.options);
                 }
@@ -88,8 +93,8 @@ impl Mcmc {
     }
 
     /// Updates each track's probability of existence by the log-likelihood ratio of the observations with and without
-    /// the person, and confirms the tracks that have become likely enough.
-    pub(super) fn update_existence(&mut self, masks: &[Option<Vec<u64>>], dt_s: f64) {
+    /// the person, and notes who was seen.
+    pub(super) fn update_existence(&mut self, masks: &[Option<Vec<u64>>], time_s: f64, dt_s: f64) {
         self.simulation.restart(masks);
         let drawn: Vec<Vec<Silhouette>> = self
             .tracks
@@ -128,16 +133,41 @@ impl Mcmc {
                 is_by_boxes: alone,
             };
             track.update_existence(&evidence, dt_s);
-            if track.id.is_none() && track.is_confirmable(&self.options) {
-                track.id = Some(TrackId(self.next_id));
-                self.next_id += 1;
+            if !alone && track.in_sight && !evidence.is_against() {
+                let place = track.motion.silhouette_place();
+                let at_exit = self.stage.floor.touches_exit(place.x, place.y);
+                track.sighting = Some(Sighting { time_s, motion: track.motion.clone(), at_exit });
             }
+        }
+        if self.simulation.sees_anything() {
+            self.blackout.expect(self.pixels_far_from_exits(&drawn));
         }
         let existence: Vec<f64> = self.tracks.iter().map(Track::existence).collect();
         self.boxes.learn(&existence);
         for (track, vector) in self.tracks.iter_mut().zip(self.boxes.vectors()) {
             track.learn_traits(vector);
         }
+    }
+
+    /// Pixels of the full images in which the cameras see people who cannot leave from one moment to the next.
+    fn pixels_far_from_exits(&self, drawn: &[Vec<Silhouette>]) -> u32 {
+        let is_far = |track: &Track| {
+            let body = track.body();
+            !track.is_tentative()
+                && track.in_sight
+                && track.existence() > 0.5
+                && self.stage.floor.exit_distance_m(body.x_m, body.y_m) > LEAVES_WITHIN_M
+        };
+        let far = self.tracks.iter().zip(drawn).filter(|(track, _)| is_far(track));
+        far.map(|(_, silhouettes)| {
+            let of_camera = |camera: usize| {
+                let layer = self.layers.innermost(camera);
+                let block_px = u32::from(self.layers.views()[camera].block).pow(2);
+                if self.simulation.in_use(layer) { silhouettes[layer].visible_px * block_px } else { 0 }
+            };
+            (0..self.layers.views().len()).map(of_camera).sum::<u32>()
+        })
+        .sum()
     }
 
     /// Log repulsion `log R` of each track against the others, nats, as it is weighted where boxes are the only

@@ -22,6 +22,7 @@
 mod appearance;
 mod belief;
 mod births;
+mod blackout;
 mod boxes;
 mod by_boxes;
 mod chain;
@@ -30,6 +31,7 @@ mod evidence;
 mod filled;
 mod learnt_length;
 mod left_over;
+mod lost;
 mod measured;
 mod motion;
 mod options;
@@ -53,9 +55,11 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 use self::births::BirthMap;
+use self::blackout::Blackout;
 use self::boxes::Boxes;
 use self::encounters::{Encounters, REMEMBERED_S};
 use self::left_over::LeftOver;
+use self::lost::LostTracks;
 pub use self::measured::Measured;
 pub use self::options::{Acceptance, BoxOptions, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::outage::{FORGOTTEN_AFTER_S, OUTAGE_S, Settling};
@@ -98,11 +102,14 @@ pub struct Mcmc {
     expected_at: Vec<Vector2<f64>>,
     rescue: Rescue,
     settling: Settling,
+    blackout: Blackout,
     left_over: LeftOver,
     simulation: Simulation,
     boxes: Boxes,
     capacity: Capacity,
     tracks: Vec<Track>,
+    /// Tracks that ended far from every exit.
+    lost: LostTracks,
     identities: Identities,
     smoother: FixedLagSmoother,
     encounters: Encounters,
@@ -145,8 +152,10 @@ impl Mcmc {
             expected_at: Vec::new(),
             rescue: Rescue::default(),
             settling: Settling::default(),
+            blackout: Blackout::default(),
             anywhere,
             tracks: Vec::new(),
+            lost: LostTracks::default(),
             identities: Identities::default(),
             smoother: FixedLagSmoother::default(),
             next_key: 0,
@@ -171,6 +180,18 @@ impl Mcmc {
             Ok(Some(pack(mask, view)))
         };
         self.stage.cameras.iter().zip(self.layers.views()).zip(moment.cameras).map(packed).collect()
+    }
+
+    /// Whether the masks of a moment have lost everybody at once.
+    fn is_blackout(&mut self, masks: &[Option<Vec<u64>>], moment: &Moment<'_>) -> bool {
+        if !self.may_rescue() || masks.iter().all(Option::is_none) {
+            return false;
+        }
+        let foreground_px = masks.iter().zip(self.layers.views()).filter_map(|(mask, view)| {
+            let ones: u32 = mask.as_ref()?.iter().map(|word| word.count_ones()).sum();
+            Some(ones * u32::from(view.block).pow(2))
+        });
+        self.blackout.observe(moment.time_s, foreground_px.sum())
     }
 
     /// Whether people may be born outside the zones, where evidence for them persists; without zones they are born
@@ -228,10 +249,13 @@ impl Mcmc {
             }
         };
         let people = self.tracks.iter_mut().map(person).collect::<Vec<_>>();
-        let gone: Vec<Key> =
-            self.tracks.iter().filter(|track| track.is_gone()).map(|track| track.key).collect();
-        self.tracks.retain(|track| !gone.contains(&track.key));
-        people.into_iter().filter(|person| !gone.contains(&person.key)).collect()
+        let gone: Vec<Track> = self.tracks.extract_if(.., |track| track.is_gone()).collect();
+        let people = people.into_iter().filter(|person| gone.iter().all(|track| track.key != person.key));
+        let people = people.collect();
+        for track in gone {
+            self.lost.add(track);
+        }
+        people
     }
 }
 
@@ -241,7 +265,10 @@ impl Method for Mcmc {
     }
 
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
-        let masks = self.packed_masks(moment)?;
+        let mut masks = self.packed_masks(moment)?;
+        if self.is_blackout(&masks, moment) {
+            masks.fill(None);
+        }
         self.simulation.restart(&masks);
         self.boxes.restart(moment.cameras.iter().map(|camera| camera.boxes.as_deref()));
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
@@ -264,7 +291,8 @@ impl Method for Mcmc {
         }
         let tally = self.sample(people, dt_s, settling);
         self.update_tracks(&tally, found);
-        self.update_existence(&masks, dt_s);
+        self.update_existence(&masks, moment.time_s, dt_s);
+        self.confirm_tracks(moment.time_s);
         self.reidentify(moment.cameras, moment.time_s);
         let (now, traces) = ((moment.frame, moment.time_s), self.traces());
         if self.observes_boxes_alone() {

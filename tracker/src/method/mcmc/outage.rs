@@ -40,6 +40,11 @@ impl Settling {
         settling_s > 0.0 && self.since_s.is_none_or(|since_s| time_s - since_s < settling_s)
     }
 
+    /// Time of the first moment with a usable mask after the latest outage, seconds; `None` without an outage.
+    pub(super) fn outage_end_s(&self) -> Option<f64> {
+        self.since_s.filter(|_| self.had_outage)
+    }
+
     /// Whether an outage has ended since the start of the stream.
     pub(super) fn had_outage(&self) -> bool {
         self.had_outage

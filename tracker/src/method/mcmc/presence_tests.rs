@@ -83,6 +83,40 @@ fn a_person_keeps_the_id_over_an_outage_of_a_few_seconds() {
 }
 
 #[test]
+fn a_person_whom_all_masks_lose_for_three_seconds_is_found_under_the_same_id() {
+    for seed in 1..=4 {
+        for (x_m, y_m) in [(3.1, 1.6), (1.6, 2.4), (2.4, 3.4)] {
+            let mut feeder = Feeder::after_nobody(empty_room(), seeded(seed));
+            let before = feeder.bring_in();
+            for _ in 0..36 {
+                feeder.see(&[]);
+            }
+            let now = standing(x_m, y_m);
+            let people = (0..12).map(|_| feeder.see(&[now])).last().unwrap();
+            let ids: Vec<TrackId> = people.iter().map(|p| p.id).collect();
+            assert_eq!(ids, [before.id], "seed {seed}, ({x_m}, {y_m}): {people:?}");
+            assert!(is_reported(&people, &now), "{people:?}");
+        }
+    }
+}
+
+#[test]
+fn somebody_who_comes_in_while_the_masks_lose_another_has_an_id_of_their_own() {
+    for seed in 1..=4 {
+        let mut feeder = Feeder::after_nobody(empty_room(), seeded(seed));
+        let before = feeder.bring_in();
+        for _ in 0..36 {
+            feeder.see(&[]);
+        }
+        let both = [standing(3.1, 1.6), standing(5.6, 1.6)];
+        let people = (0..12).map(|_| feeder.see(&both)).last().unwrap();
+        let near = |body: &Body| people.iter().find(|p| (p.x_m - body.x_m).hypot(p.y_m - body.y_m) < 0.25);
+        assert_eq!(near(&both[0]).map(|p| p.id), Some(before.id), "seed {seed}: {people:?}");
+        assert!(near(&both[1]).is_some_and(|p| p.id != before.id), "seed {seed}: {people:?}");
+    }
+}
+
+#[test]
 fn a_person_who_left_during_an_outage_is_gone_soon_after() {
     for seed in 1..=4 {
         let mut feeder = Feeder::after_nobody(empty_room(), seeded(seed));

@@ -4,6 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::boxes::BoxMeasurement;
 use super::evidence::Evidence;
+use super::lost::Sighting;
 use super::motion::Motion;
 use super::options::McmcOptions;
 use super::outage::OUTAGE_S;
@@ -100,6 +101,10 @@ pub(super) struct Track {
     pub(super) shown: ShownTraits,
     /// Average of these traits.
     pub(super) learnt: LearntTraits,
+    /// Whether the track began where people come in.
+    pub(super) may_have_come_in: bool,
+    /// Place at the last moment whose masks showed the person.
+    pub(super) sighting: Option<Sighting>,
 }
 
 impl Track {
@@ -123,6 +128,8 @@ impl Track {
             upright_s: None,
             shown: ShownTraits::default(),
             learnt: LearntTraits::default(),
+            may_have_come_in: true,
+            sighting: None,
         }
     }
 
@@ -222,6 +229,12 @@ impl Track {
     pub(super) fn is_confirmable(&self, options: &McmcOptions) -> bool {
         self.earned_nats >= options.believed_at_nats
             && (!self.may_be_furniture() || self.upright_s.is_some_and(|s| s >= self.found.stands_for_s()))
+    }
+
+    /// Names the track as a person who was never seen before.
+    pub(super) fn name_anew(&mut self, next_id: &mut u32) {
+        self.id = Some(TrackId(*next_id));
+        *next_id += 1;
     }
 
     /// Whether the track may be furniture: found at the start or after an outage, and not moved since.
