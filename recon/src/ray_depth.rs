@@ -57,13 +57,22 @@ pub struct RayDepth {
     pub sigma: f64,
 }
 
+/// A depth with the registrations that it was measured from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RayMeasurement {
+    /// Measured depth.
+    pub depth: RayDepth,
+    /// Frames in which the pixel's patch was registered, and its pixel (as filmed) there; without the reference frame.
+    pub seen: Vec<(usize, Point2<f64>)>,
+}
+
 /// A pixel of the reference image (as filmed) whose depth was measured.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredPixel {
     /// Pixel as filmed.
     pub pixel: Point2<f64>,
     /// Measured depth.
-    pub depth: RayDepth,
+    pub measured: RayMeasurement,
 }
 
 /// A pixel of the reference image (as filmed), and the supposed normal of the surface there.
@@ -79,7 +88,7 @@ pub struct Asked {
 /// parallax.
 ///
 /// `range`: the smallest and the largest possible depth.
-pub fn measure(film: &PosedFilm<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec<Option<RayDepth>> {
+pub fn measure(film: &PosedFilm<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec<Option<RayMeasurement>> {
     if pixels.is_empty() || range.0 <= 0.0 || range.1.is_nan() || range.1 <= range.0 {
         return vec![None; pixels.len()];
     }
@@ -89,7 +98,7 @@ pub fn measure(film: &PosedFilm<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec
         .zip(film.camera_from_world)
         .enumerate()
         .filter(|(frame, _)| *frame != film.reference)
-        .filter_map(|(_, (image, pose))| Some(FrameView { image, from_reference: (*pose)? }))
+        .filter_map(|(frame, (image, pose))| Some(FrameView { frame, image, from_reference: (*pose)? }))
         .collect();
     let search = RaySearch { lens: film.intrinsics, views, range };
     let reference = &images[film.reference];
@@ -97,6 +106,7 @@ pub fn measure(film: &PosedFilm<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec
 }
 
 struct FrameView<'a> {
+    frame: usize,
     image: &'a Intensity,
     from_reference: Isometry3<f64>,
 }
@@ -131,7 +141,7 @@ struct RaySearch<'a> {
 }
 
 impl RaySearch<'_> {
-    fn depth(&self, reference: &Intensity, asked: &Asked) -> Option<RayDepth> {
+    fn depth(&self, reference: &Intensity, asked: &Asked) -> Option<RayMeasurement> {
         let place = self.place(asked)?;
         let home = Warp { center: asked.pixel, affine: Matrix2::identity() };
         let patch = Patch::cut(reference, &home, PATCH_RADIUS_PX)?;
@@ -146,7 +156,9 @@ impl RaySearch<'_> {
                 (near && found.correlation >= LEAST_CORRELATION).then_some((view, found.warp.center))
             })
             .collect();
-        self.refined(&place, &seen, start)
+        let depth = self.refined(&place, &seen, start)?;
+        let seen = seen.into_iter().map(|(view, pixel)| (view.frame, pixel)).collect();
+        Some(RayMeasurement { depth, seen })
     }
 
     fn place(&self, asked: &Asked) -> Option<PixelPatch> {
@@ -306,6 +318,13 @@ mod tests {
             let asked: Vec<Asked> = pixels.iter().map(|pixel| Asked { pixel: *pixel, normal }).collect();
             for (pixel, found) in pixels.iter().zip(measure(&film, &asked, (1.0, 20.0))) {
                 let found = found.unwrap();
+                assert!(found.seen.len() >= 4 && found.seen.iter().all(|(frame, _)| (1..12).contains(frame)));
+                for (frame, seen) in &found.seen {
+                    let place = Point3::from(lens.unproject(pixel).unwrap() * depth_at(&lens, pixel));
+                    let there = lens.project(&(poses[*frame].unwrap() * place)).unwrap();
+                    assert!((there - seen).norm() < 0.5, "{pixel} {frame}: {there} {seen}");
+                }
+                let found = found.depth;
                 let off = found.depth / depth_at(&lens, pixel) - 1.0;
                 assert!(off.abs() < 0.004 && off.abs() < 4.0 * found.sigma, "{pixel}: {off} {found:?}");
             }
@@ -318,7 +337,7 @@ mod tests {
         let pixel = [Asked { pixel: Point2::new(100.0, 75.0), normal: None }];
         let measured = |frames: &[RgbImage], poses: &[Option<Isometry3<f64>>], range| {
             let film = PosedFilm { frames, reference: 0, intrinsics: &lens, camera_from_world: poses };
-            measure(&film, &pixel, range)[0]
+            measure(&film, &pixel, range).remove(0)
         };
         assert!(measured(&frames, &poses, (1.0, 20.0)).is_some());
         let still = vec![frames[0].clone(); 12];

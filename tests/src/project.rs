@@ -6,33 +6,50 @@ use std::path::Path;
 
 use calib::Camera;
 use glam::Vec3;
-use nalgebra::{Point2, Point3, Vector2};
+use nalgebra::{Isometry3, Point2, Point3, Vector2};
 use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
 use synthetic::{CaptureOptions, SyntheticRoom};
 
 use crate::chain::StepResult;
 
-/// Number of picks.
+/// Number of points picked in the pictures of two cameras.
 const PICKS: usize = 14;
 /// Least distance of picks from the image's border, as a share of its width.
 const MARGIN: f64 = 1.0 / 16.0;
 
-/// Films the room's first two cameras, moved by hand, and writes `room.toml` with picks as exact as their pixels, and
-/// `zones.toml` in the frame of the room that will be built.
+/// Films a room's cameras, moved by hand, and writes `room.toml` with picks in the pictures of each two cameras that follow each
+/// other, as exact as their pixels. Beside it are `truth.json`, the true poses as in the data sets, and `zones.toml` in the frame of
+/// the room that will be built.
 ///
 /// # Errors
 /// A room of fewer than two cameras or without geometry; a file that cannot be written.
 pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> StepResult<()> {
-    let [first, second, ..] = room.room.cameras.as_slice() else { return Err("one camera alone".into()) };
-    let mut text = String::new();
-    for (seed, entry) in (1..).zip([first, second]) {
+    write_with_noise(folder, room, frames, 0.0)
+}
+
+/// The same with picks by a hand that errs by `pick_sigma_px` in both coordinates.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_with_noise(
+    folder: &Path,
+    room: &SyntheticRoom,
+    frames: usize,
+    pick_sigma_px: f64,
+) -> StepResult<()> {
+    let cameras = &room.room.cameras;
+    let [first, _, ..] = cameras.as_slice() else { return Err("one camera alone".into()) };
+    let (mut text, mut truth) = (String::new(), serde_json::Map::new());
+    for (seed, entry) in (1..).zip(cameras) {
         let name = &entry.name;
         let options = CaptureOptions { seed, frames, ..CaptureOptions::default() };
         let capture = folder.join(name);
         std::fs::create_dir_all(&capture).map_err(|e| e.to_string())?;
-        for (i, frame) in room.capture(&entry.camera, &options).0.iter().enumerate() {
+        let (pictures, poses) = room.capture(&entry.camera, &options);
+        for (i, frame) in pictures.iter().enumerate() {
             frame.save(capture.join(format!("{i:02}.png"))).map_err(|e| e.to_string())?;
         }
         calib::files::write_intrinsics(&folder.join(format!("{name}.toml")), &entry.camera.intrinsics)
@@ -41,15 +58,33 @@ pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> StepResult<(
             text,
             "[[camera]]\nname = \"{name}\"\ncapture = \"{name}\"\nintrinsics = \"{name}.toml\""
         );
+        let mut of_camera = pose(&entry.camera.camera_from_world);
+        of_camera["capture"] = poses.iter().map(pose).collect();
+        truth.insert(name.clone(), of_camera);
     }
-    for [a, b] in picks(room, [&first.camera, &second.camera], PICKS, 1)? {
-        let (one, other) = (&first.name, &second.name);
-        let _ = writeln!(text, "[[point]]\n{one} = [{}, {}]\n{other} = [{}, {}]", a.x, a.y, b.x, b.y);
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let mut by_hand = |pixel: Point2<f64>| {
+        pixel + Vector2::from_fn(|_, _| pick_sigma_px * rng.sample::<f64, _>(StandardNormal))
+    };
+    for pair in cameras.windows(2) {
+        for pixels in picks(room, [&pair[0].camera, &pair[1].camera], PICKS, 1)? {
+            let [a, b] = pixels.map(&mut by_hand);
+            let (one, other) = (&pair[0].name, &pair[1].name);
+            let _ = writeln!(text, "[[point]]\n{one} = [{}, {}]\n{other} = [{}, {}]", a.x, a.y, b.x, b.y);
+        }
     }
     let _ = writeln!(text, "[scale]\ncamera = \"{}\"\nheight = {}", first.name, first.camera.center().z);
     let save = |name: &str, text: &str| std::fs::write(folder.join(name), text).map_err(|e| e.to_string());
     save("room.toml", &text)?;
+    save("truth.json", &serde_json::json!({ "cameras": truth }).to_string())?;
     save("zones.toml", &zones(room, &first.camera))
+}
+
+/// A pose (`camera_from_world`) as `R`, row by row, and `t`.
+fn pose(pose: &Isometry3<f64>) -> serde_json::Value {
+    let rotation = pose.rotation.to_rotation_matrix();
+    let rows: Vec<Vec<f64>> = rotation.matrix().row_iter().map(|row| row.iter().copied().collect()).collect();
+    serde_json::json!({ "R": rows, "t": pose.translation.vector.as_slice() })
 }
 
 /// Pixels of `count` places visible to both cameras, well inside both images.

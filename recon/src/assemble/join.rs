@@ -1,7 +1,7 @@
 //! All cameras in one frame, with the vertical and the floor there. Two estimates depend on each other: lines in the
 //! pictures level the cameras once the vertical is roughly known, and the vertical is the floor's normal, which is
 //! found after the cameras are joined. So cameras are first joined by the picks, a coarse floor gives the approximate
-//! vertical, and they are joined again with the lines as further constraints.
+//! vertical, and they are joined again with the lines as further constraints. Then their captures are adjusted together.
 
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
@@ -9,7 +9,7 @@ use scenes::geometry::{point_from_vec3, vector_from_vec3};
 use super::{AssembleOptions, Captures};
 use crate::Result;
 use crate::floor::{self, FloorReport, Plane, SurfacePoint};
-use crate::merge::{self, MergeReport, Merged};
+use crate::merge::{self, MergeReport, Merged, MergedCaptures};
 use crate::plumb::{self, Plumb};
 use crate::project::Project;
 use crate::surface::{DepthOrigin, Surface};
@@ -43,12 +43,12 @@ impl Captures<'_> {
             && level_report.outliers == report.outliers
             && !merge::spoils(level_report.pick_rms_px, report.pick_rms_px)
         {
-            let joined = self.on_floor(level, level_report, &plumb, options);
+            let joined = self.on_floor(project, (level, level_report), &plumb, options)?;
             if joined.floor.is_ok() {
                 return Ok(joined);
             }
         }
-        Ok(self.on_floor(merged, report, &plumb, options))
+        self.on_floor(project, (merged, report), &plumb, options)
     }
 
     /// Vertical in each camera's frame by the lines in its pictures; empty where the coarse search finds no floor.
@@ -62,20 +62,24 @@ impl Captures<'_> {
         self.edges.iter().zip(&poses).map(seen).collect()
     }
 
+    /// Adjusts joined cameras with their captures, and finds the floor.
     fn on_floor(
         &self,
-        merged: Merged,
-        report: MergeReport,
+        project: &Project,
+        joined: (Merged, MergeReport),
         plumb: &[Option<Plumb>],
         options: &AssembleOptions,
-    ) -> JoinedCameras {
+    ) -> Result<JoinedCameras> {
+        let Captures { motions, surfaces, lenses, measured, .. } = *self;
+        let captures = MergedCaptures { motions, surfaces, lenses, measured };
+        let (merged, report) = merge::adjust(project, &captures, joined, &options.merge)?;
         let poses = merged.poses();
         let points = surface_points(self.surfaces, &merged.common_from_camera, STRIDE);
         let told = plumb.iter().zip(&poses);
         let plumb: Vec<Plumb> =
             told.filter_map(|(of, pose)| Some(of.as_ref()?.turned(&pose.rotation.inverse()))).collect();
         let floor = floor::find(&points, &poses, &plumb, &options.floor);
-        JoinedCameras { merged, report, poses, floor }
+        Ok(JoinedCameras { merged, report, poses, floor })
     }
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::floor::{self, FloorOptions, FloorReport};
 use crate::fusion::{self, FusionOptions, FusionReport};
-use crate::merge::{self, MergeOptions, MergeReport};
+use crate::merge::{self, CaptureMotion, MergeOptions, MergeReport};
 use crate::project::Project;
 use crate::ray_depth::MeasuredPixel;
 use crate::scale::board::Square;
@@ -55,6 +55,8 @@ pub struct AssembleReport {
 /// Results of the captures: one entry a camera of the project, in its order.
 #[derive(Debug, Clone, Copy)]
 pub struct Captures<'a> {
+    /// Motion of each capture; empty for surfaces alone, which are then not adjusted.
+    pub motions: &'a [CaptureMotion<'a>],
     /// Surface seen by each reference view.
     pub surfaces: &'a [Surface],
     /// Discs seen only by each camera's key frames, in its reference view's frame and unit.

@@ -60,6 +60,7 @@ fn furnished_rooms_come_out_metric_and_upright() {
         let height_m = truth[0].center().z;
         let project = project(points, Scale::Height { camera: 0, height_m });
         let captures = Captures {
+            motions: &[],
             surfaces: &surfaces,
             key_frame_discs: &[],
             lenses: &lenses,
@@ -100,6 +101,7 @@ fn a_board_gives_the_metres_in_whichever_camera_it_is_seen() {
         let board = "9x6".parse().unwrap();
         let project = project(points.clone(), Scale::Board { camera, board, square_m: SQUARE_M });
         let captures = Captures {
+            motions: &[],
             surfaces: &surfaces,
             key_frame_discs: &[],
             lenses: &lenses,
@@ -189,6 +191,7 @@ fn vertical_lines_in_pictures_level_a_bent_room() {
         for (tilt_deg, edges) in tilts_deg.iter_mut().zip([&[][..], &edges]) {
             let measured = &[vec![], vec![]];
             let captures = Captures {
+                motions: &[],
                 surfaces: &surfaces,
                 key_frame_discs: &[],
                 lenses: &lenses,

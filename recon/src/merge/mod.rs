@@ -6,8 +6,9 @@
 //! camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks project onto
 //! their pixels, common surfaces of cameras coincide, and the vertical is the same for all. With known relative poses
 //! more correspondences are found between the pictures ([`crate::proposals`]), and the refinement is repeated with
-//! them.
+//! them. Last, all captures are adjusted together, key frame by key frame ([`adjustment`]).
 
+mod adjustment;
 mod graph;
 mod overlap;
 mod refine;
@@ -20,9 +21,10 @@ use serde::{Deserialize, Serialize};
 use crate::plumb::Plumb;
 use crate::project::Project;
 use crate::proposals;
-use crate::ray_depth::{MeasuredPixel, RayDepth};
+use crate::ray_depth::{MeasuredPixel, RayMeasurement};
 use crate::surface::Surface;
 use crate::{Error, Result};
+pub use adjustment::CaptureMotion;
 
 /// Options of joining cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -73,6 +75,8 @@ pub struct MergeReport {
     pub matches: usize,
     /// Estimated relative standard deviation of the depths at each camera's picks.
     pub depth_sigma: Vec<f64>,
+    /// Number of features of a capture that were found in another camera's picture, for the adjustment of all captures.
+    pub shared_features: usize,
     /// Number of pairs of surface points that were aligned.
     pub surface_pairs: usize,
     /// Root mean square distance of these pairs, in units of the first camera's reconstruction.
@@ -99,6 +103,13 @@ impl Merged {
     /// Pose of each camera from the common frame.
     pub fn poses(&self) -> Vec<Isometry3<f64>> {
         self.common_from_camera.iter().map(camera_pose).collect()
+    }
+
+    /// Distance of a pick from the projection of its point, pixels.
+    fn misfit_px(&self, pick: &LiftedPick, surfaces: &[Surface]) -> Option<f64> {
+        let seen = self.common_from_camera[pick.camera].inverse() * self.points[pick.point]?;
+        let pixel = surfaces[pick.camera].intrinsics.project(&seen)?;
+        Some((pixel - pick.pixel).norm())
     }
 }
 
@@ -142,6 +153,56 @@ pub fn merge(
     Ok((merged, report))
 }
 
+/// Captures and picks that were merged.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MergedCaptures<'a> {
+    pub(crate) motions: &'a [CaptureMotion<'a>],
+    pub(crate) surfaces: &'a [Surface],
+    pub(crate) lenses: &'a [calib::Intrinsics],
+    pub(crate) measured: &'a [Vec<MeasuredPixel>],
+}
+
+/// Adjusts all captures together from where they were merged. Where they share too few features, or where
+/// the adjustment contradicts the picks, they stay as they are.
+///
+/// # Errors
+/// [`Error::Calib`] when OpenCV refuses.
+pub(crate) fn adjust(
+    project: &Project,
+    captures: &MergedCaptures<'_>,
+    (merged, report): (Merged, MergeReport),
+    options: &MergeOptions,
+) -> Result<(Merged, MergeReport)> {
+    let MergedCaptures { motions, surfaces, lenses, measured } = *captures;
+    let start = &merged.common_from_camera;
+    if start.len() < 2 || motions.len() < start.len() {
+        return Ok((merged, report));
+    }
+    let mut picks = lift(project, surfaces, lenses, measured, options)?;
+    picks.retain(|pick| !report.is_left_out(pick.point + 1));
+    let shared = adjustment::shared_features(motions, surfaces, start)?;
+    if !adjustment::are_enough(&shared, start.len()) {
+        return Ok((merged, report));
+    }
+    let adjusted = adjustment::adjust(motions, surfaces, &merged, (&picks, options.pick_sigma_px), &shared);
+    let mut points: Vec<Option<Point3<f64>>> = vec![None; project.points.len()];
+    for (number, place) in adjusted.picks {
+        points[number] = Some(place);
+    }
+    let joined = Merged { common_from_camera: adjusted.common_from_camera, points };
+    let misfits_px: Vec<(usize, usize, f64)> = picks
+        .iter()
+        .filter_map(|pick| Some((pick.point + 1, pick.camera, joined.misfit_px(pick, surfaces)?)))
+        .collect();
+    let squares: f64 = misfits_px.iter().map(|(.., off)| off * off).sum();
+    let pick_rms_px = (squares / misfits_px.len().max(1) as f64).sqrt();
+    if spoils(pick_rms_px, report.pick_rms_px) {
+        tracing::debug!("the adjustment moves the picks from {} to {pick_rms_px} px", report.pick_rms_px);
+        return Ok((merged, report));
+    }
+    Ok((joined, MergeReport { pick_rms_px, misfits_px, shared_features: shared.len(), ..report }))
+}
+
 /// Tells whether a further constraint spoils the fit of the picks: root mean square distances with it and without it,
 /// pixels.
 pub(crate) fn spoils(with_px: f64, without_px: f64) -> bool {
@@ -173,7 +234,16 @@ fn matches(
                     let seen = surfaces[camera].point_at(&pixel);
                     // Their depths add no information about two bent spaces beyond the surfaces'; the intersection of
                     // rays bends neither.
-                    picks.push(LiftedPick { point, camera, pixel, seen, depth: None, by_hand: false });
+                    let frames = Vec::new();
+                    picks.push(LiftedPick {
+                        point,
+                        camera,
+                        pixel,
+                        seen,
+                        depth: None,
+                        frames,
+                        by_hand: false,
+                    });
                 }
                 point += 1;
             }
@@ -194,6 +264,8 @@ struct LiftedPick {
     seen: Option<Point3<f64>>,
     /// Depth along z and its relative standard deviation, where it is known.
     depth: Option<(f64, f64)>,
+    /// Frames of its camera's capture that show it, and the pixel (as filmed) there; without the reference frame.
+    frames: Vec<(usize, Point2<f64>)>,
     /// Whether a person picked it.
     by_hand: bool,
 }
@@ -212,21 +284,33 @@ fn lift(
                 let place = format!("[[point]] {}, {}", point + 1, project.cameras[*camera].name);
                 Error::content(&project.path, place, "the lens model gives no ray to this pixel")
             })?;
-            let own = measured_at(&measured[*camera], pixel)
-                .map(|own| (own.depth, own.sigma.hypot(options.motion_sigma)));
+            let measurement = measured_at(&measured[*camera], pixel);
+            let own = measurement.map(|own| (own.depth.depth, own.depth.sigma.hypot(options.motion_sigma)));
             let dense = || Some((surfaces[*camera].point_at(&pinhole)?.z, options.depth_sigma));
             let depth = own.or_else(dense);
             let ray = surfaces[*camera].intrinsics.unproject(&pinhole);
             let seen = depth.zip(ray).map(|((depth, _), ray)| Point3::from(ray * depth));
-            picks.push(LiftedPick { point, camera: *camera, pixel: pinhole, seen, depth, by_hand: true });
+            let frames = measurement.map_or_else(Vec::new, |own| own.seen.clone());
+            picks.push(LiftedPick {
+                point,
+                camera: *camera,
+                pixel: pinhole,
+                seen,
+                depth,
+                frames,
+                by_hand: true,
+            });
         }
     }
     Ok(picks)
 }
 
 /// Measured depth at exactly this pixel (as filmed).
-pub(crate) fn measured_at(measured: &[MeasuredPixel], pixel: &Point2<f64>) -> Option<RayDepth> {
-    measured.iter().find(|m| m.pixel == *pixel).map(|m| m.depth)
+pub(crate) fn measured_at<'a>(
+    measured: &'a [MeasuredPixel],
+    pixel: &Point2<f64>,
+) -> Option<&'a RayMeasurement> {
+    measured.iter().find(|m| m.pixel == *pixel).map(|m| &m.measured)
 }
 
 /// Converts a pixel as filmed to the pixel of the same ray in the pinhole image.

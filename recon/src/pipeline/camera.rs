@@ -13,7 +13,8 @@ use super::{BuildOptions, CameraReport};
 use crate::capture::Capture;
 use crate::dense::{self, DenseOptions, PosedCapture};
 use crate::fusion::key_frames;
-use crate::motion::{self, MotionOptions};
+use crate::merge::CaptureMotion;
+use crate::motion::{self, MotionOptions, SparsePoint};
 use crate::planes::{self, Completed, PlaneOptions};
 use crate::ray_depth::{self, Asked, MeasuredPixel, PosedFilm};
 use crate::rolling_shutter::RollingShutter;
@@ -47,6 +48,8 @@ pub(super) struct ProcessedCapture {
     pub(super) key_frame_discs: Vec<Disc>,
     /// Pose of each frame; world = the reference frame's camera.
     pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
+    /// Sparse points.
+    pub(super) points: Vec<SparsePoint>,
     /// Smallest and largest depth of the view.
     pub(super) range: (f64, f64),
     pub(super) report: CameraReport,
@@ -102,7 +105,7 @@ pub(super) fn reconstruct(
     let name = &capture.name;
     step(format!("{name}: depth"));
     let start = Instant::now();
-    let CameraMotion { lens, camera_from_world, points, report, seconds, .. } = motion;
+    let CameraMotion { lens, camera_from_world, points, observations, report, seconds } = motion;
     let posed = PosedCapture {
         name,
         frames: &capture.frames,
@@ -126,7 +129,20 @@ pub(super) fn reconstruct(
     let report = report.with_depth(capture.sampled, &dense_report, &surface);
     let range = depth_range(&points);
     let seconds = CameraSeconds { dense: start.elapsed().as_secs_f64(), ..seconds };
-    Ok(ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report, seconds })
+    let points = sparse_points(points, observations);
+    Ok(ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, points, range, report, seconds })
+}
+
+/// Points with their observations.
+pub(super) fn sparse_points(
+    points: Vec<Point3<f64>>,
+    observations: Vec<Vec<(usize, Point2<f64>)>>,
+) -> Vec<SparsePoint> {
+    points
+        .into_iter()
+        .zip(observations)
+        .map(|(position, observations)| SparsePoint { position, observations })
+        .collect()
 }
 
 impl CameraMotion {
@@ -137,6 +153,12 @@ impl CameraMotion {
 }
 
 impl ProcessedCapture {
+    /// Motion of the capture whose reference frame is `reference`.
+    pub(super) fn motion(&self, reference: usize) -> CaptureMotion<'_> {
+        let Self { lens, camera_from_world, points, .. } = self;
+        CaptureMotion { lens, reference, camera_from_world, points }
+    }
+
     /// Rectified positions of filmed pixels of a frame.
     pub(super) fn at_once(&self, frame: usize) -> impl Fn(&Point2<f64>) -> Point2<f64> {
         let shutter = self.shutter();
@@ -203,7 +225,8 @@ pub(super) fn measure(
     };
     let asked: Vec<Asked> = pixels.iter().map(|p| Asked { pixel: *p, normal: normal(p) }).collect();
     let depths = ray_depth::measure(&film, &asked, processed.range);
-    let known =
-        |(pixel, depth): (&Point2<f64>, Option<_>)| Some(MeasuredPixel { pixel: *pixel, depth: depth? });
+    let known = |(pixel, measured): (&Point2<f64>, Option<_>)| {
+        Some(MeasuredPixel { pixel: *pixel, measured: measured? })
+    };
     pixels.iter().zip(depths).filter_map(known).collect()
 }

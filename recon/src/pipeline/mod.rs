@@ -32,6 +32,7 @@ use scenes::room::{Markings, Room};
 use crate::assemble::{self, Captures};
 use crate::capture::{Capture, CaptureFile};
 use crate::memory::MemoryBound;
+use crate::merge::CaptureMotion;
 use crate::plumb;
 use crate::project::{Project, ProjectCamera};
 use crate::scale;
@@ -106,7 +107,9 @@ pub fn build(
     let done = process_all(&files, Some(&cache), options, &mut step, &picks)?;
     let (mut cameras, mut square) = (Vec::with_capacity(done.len()), None);
     let mut figures = Vec::with_capacity(done.len());
+    let mut reference_frames = Vec::with_capacity(done.len());
     for (index, (camera, keys, (reference, depths, lines, board))) in done.into_iter().enumerate() {
+        reference_frames.push(reference);
         tracing::debug!("{}: depths at picks {depths:?}", camera.name);
         report.cameras.push(camera.processed.report.clone());
         report.seconds.cameras.push(camera.processed.seconds);
@@ -131,7 +134,10 @@ pub fn build(
     if is_unpicked {
         report.proposed_points = proposed::take(&mut project, &surfaces, &lenses, options.seed)?;
     }
+    let motions: Vec<CaptureMotion<'_>> =
+        cameras.iter().zip(&reference_frames).map(|((c, _), frame)| c.processed.motion(*frame)).collect();
     let captures = Captures {
+        motions: &motions,
         surfaces: &surfaces,
         key_frame_discs: &key_frame_discs,
         lenses: &lenses,

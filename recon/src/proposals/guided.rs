@@ -94,6 +94,23 @@ pub(super) fn matches(
     Ok((similarity, matches))
 }
 
+/// Searches given pixels of the first picture in the second: the index of each one found, and its pixel there.
+pub(super) fn followed(
+    seen: [&ComparedView<'_>; 2],
+    first_from_second: &Similarity3<f64>,
+    pixels: &[Point2<f64>],
+    reach_px: f64,
+    options: &ProposalOptions,
+) -> Vec<(usize, Point2<f64>)> {
+    let second_from_first = first_from_second.inverse();
+    let both = [first_from_second, &second_from_first];
+    let found = |(index, pixel): (usize, &Point2<f64>)| {
+        let found = follow(seen, both, pixel, reach_px, options)?;
+        (found.off_px <= reach_px).then_some((index, found.pixels[1]))
+    };
+    pixels.par_iter().enumerate().filter_map(found).collect()
+}
+
 /// Similarity fitted to the matches; matches with errors above `median_px` count less.
 fn refitted(
     seen: [&ComparedView<'_>; 2],

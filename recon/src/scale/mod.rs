@@ -47,7 +47,7 @@ pub fn metres_per_unit(
                     let pinhole = pinhole_pixel(&lenses[*camera], pixel)?;
                     let own = measured_at(&measured[*camera], pixel).and_then(|own| {
                         let ray = surfaces[*camera].intrinsics.unproject(&pinhole)?;
-                        Some(Point3::from(ray * own.depth))
+                        Some(Point3::from(ray * own.depth.depth))
                     });
                     let point = own.or_else(|| surfaces[*camera].point_at(&pinhole))?;
                     Some(merged.common_from_camera[*camera] * point)

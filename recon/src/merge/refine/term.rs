@@ -205,6 +205,7 @@ mod tests {
             pixel: Point2::new(300.0, 250.0),
             seen: None,
             depth: Some((4.0, 0.02)),
+            frames: Vec::new(),
             by_hand: camera == 1,
         };
         let picks: Vec<LiftedPick> =

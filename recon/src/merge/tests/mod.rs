@@ -1,10 +1,12 @@
 //! Two cameras in a room of known geometry, each with a frame and a scale of its own.
 
+mod adjusted;
 mod boxes;
 mod rooms;
 
 use super::*;
 use crate::project::{PickedPoint, ProjectCamera, Scale};
+use crate::ray_depth::RayDepth;
 use boxes::Boxes;
 use calib::{Intrinsics, rotation};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
@@ -256,7 +258,8 @@ fn picks_whose_depth_is_another_surfaces_do_not_make_a_space_bent() {
         .map(|(point, off)| {
             let pixel = point.pixel(1).unwrap();
             let depth = off * surface(1).point_at(&pixel).unwrap().z;
-            MeasuredPixel { pixel, depth: RayDepth { depth, sigma: 0.008 } }
+            let depth = RayDepth { depth, sigma: 0.008 };
+            MeasuredPixel { pixel, measured: RayMeasurement { depth, seen: Vec::new() } }
         })
         .collect();
     let run = |align_surfaces: bool| {

@@ -105,6 +105,7 @@ impl TestRoom {
                     pixel: *pixel,
                     seen: self.surfaces[*camera].point_at(pixel),
                     depth: None,
+                    frames: Vec::new(),
                     by_hand: false,
                 }));
             }

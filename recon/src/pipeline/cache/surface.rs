@@ -5,13 +5,13 @@ use image::RgbImage;
 use scenes::geometry::Disc;
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::camera::{CameraMotion, ProcessedCapture};
+use crate::pipeline::camera::{CameraMotion, ProcessedCapture, sparse_points};
 use crate::surface::{DepthOrigin, Surface};
 
 /// A processed capture. The pictures' numbers stand one a pixel, row by row.
 #[derive(Serialize, Deserialize)]
 pub(super) struct CachedCapture {
-    /// Lens, poses and report; sparse points are not needed any more.
+    /// Lens, poses, sparse points and report.
     motion: CameraMotion,
     range: (f64, f64),
     pinhole: calib::Intrinsics,
@@ -37,14 +37,22 @@ struct CachedDisc {
 
 impl CachedCapture {
     pub(super) fn of(processed: &ProcessedCapture) -> Self {
-        let ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report, seconds } =
-            processed;
+        let ProcessedCapture {
+            lens,
+            surface,
+            key_frame_discs,
+            camera_from_world,
+            points,
+            range,
+            report,
+            seconds,
+        } = processed;
         Self {
             motion: CameraMotion {
                 lens: lens.clone(),
                 camera_from_world: camera_from_world.clone(),
-                points: Vec::new(),
-                observations: Vec::new(),
+                points: points.iter().map(|point| point.position).collect(),
+                observations: points.iter().map(|point| point.observations.clone()).collect(),
                 report: report.clone(),
                 seconds: *seconds,
             },
@@ -77,13 +85,14 @@ impl CachedCapture {
             intrinsics: self.pinhole,
             step: self.step,
         };
-        let CameraMotion { lens, camera_from_world, report, seconds, .. } = self.motion;
+        let CameraMotion { lens, camera_from_world, points, observations, report, seconds } = self.motion;
         let key_frame_discs = self.key_frame_discs.iter().map(CachedDisc::restored).collect();
         Some(ProcessedCapture {
             lens,
             surface,
             key_frame_discs,
             camera_from_world,
+            points: sparse_points(points, observations),
             range: self.range,
             report,
             seconds,
@@ -108,10 +117,11 @@ impl CachedDisc {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::motion::SparsePoint;
     use crate::pipeline::CameraReport;
     use crate::pipeline::report::CameraSeconds;
     use crate::surface::rendered::Rendering;
-    use nalgebra::Isometry3;
+    use nalgebra::{Isometry3, Point2, Point3};
     use scenes::raycast::RayScene;
     use synthetic::RoomOptions;
 
@@ -140,6 +150,10 @@ pub(super) mod tests {
             surface,
             key_frame_discs,
             camera_from_world,
+            points: vec![SparsePoint {
+                position: Point3::new(0.1 + 0.2, -1.0 / 3.0, 7.0),
+                observations: vec![(0, Point2::new(3.5, 0.1)), (1, Point2::new(1.0 / 3.0, 4.0))],
+            }],
             range: (0.1 + 0.2, 7.0),
             report,
             seconds: CameraSeconds { motion: 0.1 + 0.2, dense: 7.0 },

@@ -1,0 +1,211 @@
+//! The adjustment of all captures, over captures with known motion whose spaces are bent.
+
+use nalgebra::{Isometry3, Point2, Point3, Similarity3, UnitQuaternion, Vector2, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+
+use super::super::adjustment::{Adjusted, CaptureMotion, SharedFeature, adjust};
+use super::super::{LiftedPick, Merged};
+use super::boxes::Boxes;
+use super::{HALF, UNITS, lens, poses, surface};
+use crate::motion::SparsePoint;
+use crate::surface::Surface;
+
+const FRAMES: usize = 20;
+const FEATURES: usize = 300;
+const NOISE_PX: f64 = 0.1;
+const PICK_PX: f64 = 0.5;
+
+/// A capture's motion in its own frame and unit.
+struct Filmed {
+    camera_from_world: Vec<Option<Isometry3<f64>>>,
+    points: Vec<SparsePoint>,
+    /// True places of the points in the room, metres.
+    places: Vec<Point3<f64>>,
+}
+
+fn normal(rng: &mut Pcg64Mcg) -> Vector2<f64> {
+    Vector2::from_fn(|_, _| rng.sample(StandardNormal))
+}
+
+/// Films the room from around a camera's pose; the first frame is the reference. `bend` is added to all inverse depths.
+fn filmed(camera: usize, bend: f64, rng: &mut Pcg64Mcg) -> Filmed {
+    let (pose, unit) = (poses()[camera], UNITS[camera]);
+    let mut path = vec![Isometry3::identity()];
+    path.extend((1..FRAMES).map(|i| {
+        let t = i as f64 / FRAMES as f64 * std::f64::consts::TAU;
+        let shift = Vector3::new(0.35 * t.sin(), 0.2 * (2.0 * t).sin(), 0.15 * (1.0 - t.cos())) / unit;
+        Isometry3::from_parts(
+            shift.into(),
+            UnitQuaternion::from_euler_angles(0.03 * t.sin(), -0.05, 0.02 * t.cos()),
+        )
+    }));
+    let boxes = Boxes { room: [Point3::from(-HALF), Point3::from(HALF)], furniture: Vec::new() };
+    let eye = pose.inverse() * Point3::origin();
+    let (mut points, mut places) = (Vec::new(), Vec::new());
+    for _ in 0..FEATURES {
+        let pixel = Point2::new(rng.random_range(5.0..315.0), rng.random_range(5.0..235.0));
+        let ray = pose.rotation.inverse() * lens().unproject(&pixel).unwrap();
+        let place = eye + ray * boxes.hit(&eye, &ray).0;
+        let own = Point3::from((pose * place).coords / unit);
+        let seen = path.iter().enumerate().filter_map(|(frame, pose)| {
+            let pixel = lens().project(&(pose * own)).filter(|pixel| lens().contains(pixel))?;
+            Some((frame, pixel + NOISE_PX * normal(rng)))
+        });
+        let observations = seen.collect();
+        points.push(SparsePoint { position: bent(&own, bend), observations });
+        places.push(place);
+    }
+    Filmed { camera_from_world: path.into_iter().map(Some).collect(), points, places }
+}
+
+fn bent(point: &Point3<f64>, bend: f64) -> Point3<f64> {
+    point / (1.0 + bend * point.z)
+}
+
+/// Two captures, bent by so much, with what joins them.
+struct Joined {
+    filmed: [Filmed; 2],
+    surfaces: [Surface; 2],
+    picks: Vec<LiftedPick>,
+    shared: Vec<SharedFeature>,
+    start: Vec<Similarity3<f64>>,
+}
+
+impl Joined {
+    /// `picked`: number of picks; `shared`: whether features are seen by both cameras.
+    fn new(bends: [f64; 2], picked: usize, with_shared: bool) -> Self {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        let filmed = [0, 1].map(|camera| filmed(camera, bends[camera], &mut rng));
+        let project = |camera: usize, place: &Point3<f64>| {
+            lens().project(&(poses()[camera] * place)).filter(|pixel| lens().contains(pixel))
+        };
+        let (mut picks, mut shared, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+        for (capture, other) in [(0, 1), (1, 0)] {
+            for (feature, place) in filmed[capture].places.iter().enumerate() {
+                let Some(pixel) = project(other, place) else { continue };
+                if with_shared {
+                    let pixel = pixel + 0.3 * normal(&mut rng);
+                    shared.push(SharedFeature { capture, feature, camera: other, pixel, share: 1.0 });
+                }
+                if capture > 0 || pairs.len() >= picked {
+                    continue;
+                }
+                let point = pairs.len();
+                let own = [0, 1].map(|camera| {
+                    let true_own = Point3::from((poses()[camera] * place).coords / UNITS[camera]);
+                    bent(&true_own, bends[camera])
+                });
+                pairs.push(own);
+                for camera in [0, 1] {
+                    let slip = PICK_PX * normal(&mut rng);
+                    let true_own = Point3::from((poses()[camera] * place).coords / UNITS[camera]);
+                    let frames = filmed[camera].camera_from_world.iter().enumerate().skip(1);
+                    // The patch of the picked pixel, beside the point by the slip.
+                    let ray = lens().unproject(&(project(camera, place).unwrap() + slip)).unwrap();
+                    let beside = Point3::from(ray * true_own.z);
+                    let frames = frames.filter_map(|(frame, pose)| {
+                        Some((frame, lens().project(&((*pose)? * beside))? + NOISE_PX * normal(&mut rng)))
+                    });
+                    let frames = frames.collect();
+                    let pixel = project(camera, place).unwrap() + slip;
+                    let seen = Some(bent(&beside, bends[camera]));
+                    picks.push(LiftedPick { point, camera, pixel, seen, depth: None, frames, by_hand: true });
+                }
+            }
+        }
+        let (from, to): (Vec<_>, Vec<_>) = pairs.iter().map(|[a, b]| (*b, *a)).unzip();
+        let start = calib::absolute_orientation::similarity(&from, &to).unwrap();
+        let start = vec![Similarity3::identity(), start];
+        Self { filmed, surfaces: [0, 1].map(surface), picks, shared, start }
+    }
+
+    fn adjusted(&self) -> Adjusted {
+        let lens = lens();
+        let motions = [0, 1].map(|camera| {
+            let Filmed { camera_from_world, points, .. } = &self.filmed[camera];
+            CaptureMotion { lens: &lens, reference: 0, camera_from_world, points }
+        });
+        let first = self.picks.iter().filter(|pick| pick.camera == 0);
+        let points = first.map(|pick| pick.seen).collect();
+        let start = Merged { common_from_camera: self.start.clone(), points };
+        adjust(&motions, &self.surfaces, &start, (&self.picks, PICK_PX), &self.shared)
+    }
+}
+
+/// Error of the second camera's place as a share of the distance, and of its orientation in degrees.
+fn errors(common_from_camera: &[Similarity3<f64>]) -> (f64, f64) {
+    let truth = poses()[0] * poses()[1].inverse();
+    let found = common_from_camera[1].isometry;
+    let (shift, expected) = (found.translation.vector.normalize(), truth.translation.vector.normalize());
+    let turn = calib::rotation::angle_between_deg(&found.rotation, &truth.rotation);
+    ((shift - expected).norm(), turn)
+}
+
+#[test]
+fn captures_unbend_each_other() {
+    for (bends, picked, with_shared) in
+        [([0.01, -0.015], 12, true), ([0.02, 0.0], 14, false), ([0.0, 0.0], 12, true)]
+    {
+        let joined = Joined::new(bends, picked, with_shared);
+        let before = errors(&joined.start);
+        let adjusted = joined.adjusted();
+        let after = errors(&adjusted.common_from_camera);
+        // Half a pixel of a pick is 0.15°.
+        let largest_deg = if with_shared { 0.12 } else { 0.3 };
+        assert!(after.0 < 0.002 && after.1 < largest_deg, "{bends:?} {with_shared}: {before:?} {after:?}");
+        if bends != [0.0; 2] {
+            assert!(after.0 < 0.5 * before.0 && after.1 < 0.5 * before.1, "{bends:?}: {before:?} {after:?}");
+        }
+        // Where the picked points are, in the first camera's unit: as exact as a person picks.
+        assert_eq!(adjusted.picks.len(), picked);
+        for (number, place) in &adjusted.picks {
+            let truth = poses()[0] * joined.picked_place(*number);
+            let unit = place.coords.norm() / truth.coords.norm();
+            assert!((place.coords / unit - truth.coords).norm() < 0.03, "{number}: {place} {truth}");
+        }
+        assert_eq!(adjusted.common_from_camera[0].scaling(), 1.0);
+    }
+}
+
+impl Joined {
+    fn picked_place(&self, number: usize) -> Point3<f64> {
+        let seen = self.filmed[0].places.iter().filter(|place| {
+            lens().project(&(poses()[1] * **place)).is_some_and(|pixel| lens().contains(&pixel))
+        });
+        *seen.clone().nth(number).unwrap()
+    }
+}
+
+#[test]
+fn features_found_elsewhere_are_left_out() {
+    let mut joined = Joined::new([0.0, 0.0], 12, true);
+    let without = errors(&joined.adjusted().common_from_camera);
+    for feature in joined.shared.iter_mut().step_by(4) {
+        feature.pixel += Vector2::new(30.0, -25.0);
+    }
+    let with = errors(&joined.adjusted().common_from_camera);
+    assert!(with.0 < without.0 + 0.0005 && with.1 < without.1 + 0.03, "{without:?} {with:?}");
+}
+
+#[test]
+fn picks_without_registrations_count_by_their_rays() {
+    let mut joined = Joined::new([0.0, 0.0], 14, false);
+    for pick in &mut joined.picks {
+        pick.frames.clear();
+    }
+    let adjusted = joined.adjusted();
+    let (shift, turn) = errors(&adjusted.common_from_camera);
+    assert!(shift < 0.01 && turn < 0.4 && adjusted.picks.len() == 14, "{shift} {turn}");
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let joined = Joined::new([0.01, 0.0], 12, true);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| joined.adjusted().common_from_camera)
+    };
+    assert_eq!(with(1), with(3));
+}
