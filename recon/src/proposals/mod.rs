@@ -167,6 +167,9 @@ pub(crate) fn in_common(
     Ok(spread::choose(&matches, count).iter().map(|m| m.pixels).collect())
 }
 
+/// Indices of the pixels of one picture that are found in another, with their pixels there.
+pub(crate) type FoundPixels = Vec<(usize, Point2<f64>)>;
+
 /// Pixels of either picture searched in the other, with the relative pose `first_from_second`: for each picture the index of
 /// each pixel that is found, and its pixel in the other picture. Empty where surfaces and pictures do not confirm the pose.
 ///
@@ -176,7 +179,7 @@ pub(crate) fn found_in_both(
     surfaces: [&Surface; 2],
     first_from_second: &Similarity3<f64>,
     pixels: [&[Point2<f64>]; 2],
-) -> Result<[Vec<(usize, Point2<f64>)>; 2]> {
+) -> Result<[FoundPixels; 2]> {
     let options = ProposalOptions::default();
     let seen = surfaces.map(|surface| ComparedView { surface, intensity: Intensity::new(&surface.picture) });
     let seen = [&seen[0], &seen[1]];

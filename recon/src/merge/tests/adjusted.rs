@@ -1,5 +1,6 @@
 //! The adjustment of all captures, over captures with known motion whose spaces are bent.
 
+use approx::assert_relative_eq;
 use nalgebra::{Isometry3, Point2, Point3, Similarity3, UnitQuaternion, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
@@ -155,7 +156,8 @@ fn captures_unbend_each_other() {
         // Half a pixel of a pick is 0.15°.
         let largest_deg = if with_shared { 0.12 } else { 0.3 };
         assert!(after.0 < 0.002 && after.1 < largest_deg, "{bends:?} {with_shared}: {before:?} {after:?}");
-        if bends != [0.0; 2] {
+        let is_bent = bends.iter().any(|bend| bend.abs() > 0.0);
+        if is_bent {
             assert!(after.0 < 0.5 * before.0 && after.1 < 0.5 * before.1, "{bends:?}: {before:?} {after:?}");
         }
         // Where the picked points are, in the first camera's unit: as exact as a person picks.
@@ -165,7 +167,7 @@ fn captures_unbend_each_other() {
             let unit = place.coords.norm() / truth.coords.norm();
             assert!((place.coords / unit - truth.coords).norm() < 0.03, "{number}: {place} {truth}");
         }
-        assert_eq!(adjusted.common_from_camera[0].scaling(), 1.0);
+        assert_relative_eq!(adjusted.common_from_camera[0].scaling(), 1.0, epsilon = 1e-15);
     }
 }
 
