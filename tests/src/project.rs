@@ -33,7 +33,7 @@ pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> StepResult<(
 /// The same with picks by a hand that errs by `pick_sigma_px` in both coordinates.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_with_noise(
     folder: &Path,
     room: &SyntheticRoom,
