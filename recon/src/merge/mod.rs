@@ -105,11 +105,12 @@ impl Merged {
         self.common_from_camera.iter().map(camera_pose).collect()
     }
 
-    /// Distance of a pick from the projection of its point, pixels.
+    /// Distance of a pick from the projection of its point, pixels; infinite where the point is behind the camera, `None` for a
+    /// point without a place.
     fn misfit_px(&self, pick: &LiftedPick, surfaces: &[Surface]) -> Option<f64> {
         let seen = self.common_from_camera[pick.camera].inverse() * self.points[pick.point]?;
-        let pixel = surfaces[pick.camera].intrinsics.project(&seen)?;
-        Some((pixel - pick.pixel).norm())
+        let pixel = surfaces[pick.camera].intrinsics.project(&seen);
+        Some(pixel.map_or(f64::INFINITY, |pixel| (pixel - pick.pixel).norm()))
     }
 }
 
@@ -196,7 +197,7 @@ pub(crate) fn adjust(
         .collect();
     let squares: f64 = misfits_px.iter().map(|(.., off)| off * off).sum();
     let pick_rms_px = (squares / misfits_px.len().max(1) as f64).sqrt();
-    if spoils(pick_rms_px, report.pick_rms_px) {
+    if !pick_rms_px.is_finite() || spoils(pick_rms_px, report.pick_rms_px) {
         tracing::debug!("the adjustment moves the picks from {} to {pick_rms_px} px", report.pick_rms_px);
         return Ok((merged, report));
     }

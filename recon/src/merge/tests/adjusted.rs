@@ -160,7 +160,7 @@ fn captures_unbend_each_other() {
         if is_bent {
             assert!(after.0 < 0.5 * before.0 && after.1 < 0.5 * before.1, "{bends:?}: {before:?} {after:?}");
         }
-        // Where the picked points are, in the first camera's unit: as exact as a person picks.
+        // Picked points, in the first camera's unit, have the error of a pick by hand.
         assert_eq!(adjusted.picks.len(), picked);
         for (number, place) in &adjusted.picks {
             let truth = poses()[0] * joined.picked_place(*number);
@@ -210,4 +210,18 @@ fn the_number_of_threads_changes_nothing() {
         pool.install(|| joined.adjusted().common_from_camera)
     };
     assert_eq!(with(1), with(3));
+}
+
+#[test]
+fn a_picked_point_behind_its_camera_does_not_fit() {
+    let joined = Joined::new([0.0, 0.0], 12, true);
+    let pick = &joined.picks[0];
+    let misfit_px = |place: Option<Point3<f64>>| {
+        let common_from_camera = joined.start.clone();
+        let points = vec![place.map(|place| common_from_camera[pick.camera] * place); pick.point + 1];
+        Merged { common_from_camera, points }.misfit_px(pick, &joined.surfaces)
+    };
+    assert!(misfit_px(Some(Point3::new(0.0, 0.0, 2.0))).is_some_and(f64::is_finite));
+    assert_eq!(misfit_px(Some(Point3::new(0.0, 0.0, -2.0))), Some(f64::INFINITY));
+    assert_eq!(misfit_px(None), None);
 }

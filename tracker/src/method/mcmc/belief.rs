@@ -150,7 +150,7 @@ impl Mcmc {
     }
 
     /// Pixels of the full images in which the cameras see people who cannot leave from one moment to the next.
-    fn pixels_far_from_exits(&self, drawn: &[Vec<Silhouette>]) -> u32 {
+    fn pixels_far_from_exits(&self, drawn: &[Vec<Silhouette>]) -> u64 {
         let is_far = |track: &Track| {
             let body = track.body();
             !track.is_tentative()
@@ -162,10 +162,14 @@ impl Mcmc {
         far.map(|(_, silhouettes)| {
             let of_camera = |camera: usize| {
                 let layer = self.layers.innermost(camera);
-                let block_px = u32::from(self.layers.views()[camera].block).pow(2);
-                if self.simulation.in_use(layer) { silhouettes[layer].visible_px * block_px } else { 0 }
+                let block_px = u64::from(self.layers.views()[camera].block).pow(2);
+                if self.simulation.in_use(layer) {
+                    u64::from(silhouettes[layer].visible_px) * block_px
+                } else {
+                    0
+                }
             };
-            (0..self.layers.views().len()).map(of_camera).sum::<u32>()
+            (0..self.layers.views().len()).map(of_camera).sum::<u64>()
         })
         .sum()
     }

@@ -13,7 +13,7 @@ const LONGEST_S: f64 = 5.0;
 /// Fraction of the expected pixels below which masks are empty.
 const EMPTY: f64 = 0.05;
 /// Least number of expected pixels of the full images.
-const LEAST_PX: u32 = 200;
+const LEAST_PX: u64 = 200;
 /// Distance from the exits within which somebody may leave from one moment to the next, metres.
 pub(super) const LEAVES_WITHIN_M: f64 = 0.75;
 
@@ -21,7 +21,7 @@ pub(super) const LEAVES_WITHIN_M: f64 = 0.75;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Blackout {
     /// Pixels of the full images that people far from all exits filled at the last moment with foreground.
-    expected_px: u32,
+    expected_px: u64,
     /// Time of the last moment with masks, seconds.
     latest_s: f64,
     /// Time of the first empty moment, seconds.
@@ -30,12 +30,12 @@ pub(super) struct Blackout {
 
 impl Blackout {
     /// Whether a moment with masks is part of a blackout; `foreground_px` of the full images are foreground.
-    pub(super) fn observe(&mut self, time_s: f64, foreground_px: u32) -> bool {
+    pub(super) fn observe(&mut self, time_s: f64, foreground_px: u64) -> bool {
         if time_s - std::mem::replace(&mut self.latest_s, time_s) >= OUTAGE_S {
             (self.expected_px, self.since_s) = (0, None);
         }
         let is_empty =
-            self.expected_px >= LEAST_PX && f64::from(foreground_px) < EMPTY * f64::from(self.expected_px);
+            self.expected_px >= LEAST_PX && (foreground_px as f64) < EMPTY * self.expected_px as f64;
         if !is_empty {
             self.since_s = None;
             return false;
@@ -44,7 +44,7 @@ impl Blackout {
     }
 
     /// Records the pixels of the full images in which the cameras see people far from all exits.
-    pub(super) fn expect(&mut self, px: u32) {
+    pub(super) fn expect(&mut self, px: u64) {
         self.expected_px = px;
     }
 }
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     /// Whether each of these moments is part of a blackout: times, foreground, and the pixels expected from then on.
-    fn blackouts(moments: &[(f64, u32, u32)]) -> Vec<bool> {
+    fn blackouts(moments: &[(f64, u64, u64)]) -> Vec<bool> {
         let mut blackout = Blackout::default();
         let observed = moments.iter().map(|(time_s, foreground_px, expected_px)| {
             let is_on = blackout.observe(*time_s, *foreground_px);
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn people_who_stay_invisible_are_believed_to_be_gone() {
-        let moments: Vec<(f64, u32, u32)> =
+        let moments: Vec<(f64, u64, u64)> =
             (0..80).map(|i| (0.1 * f64::from(i), if i == 0 { 900 } else { 0 }, 800)).collect();
         let found = blackouts(&moments);
         assert!(found[1..50].iter().all(|is_on| *is_on));

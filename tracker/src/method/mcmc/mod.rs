@@ -188,8 +188,8 @@ impl Mcmc {
             return false;
         }
         let foreground_px = masks.iter().zip(self.layers.views()).filter_map(|(mask, view)| {
-            let ones: u32 = mask.as_ref()?.iter().map(|word| word.count_ones()).sum();
-            Some(ones * u32::from(view.block).pow(2))
+            let ones: u64 = mask.as_ref()?.iter().map(|word| u64::from(word.count_ones())).sum();
+            Some(ones * u64::from(view.block).pow(2))
         });
         self.blackout.observe(moment.time_s, foreground_px.sum())
     }
