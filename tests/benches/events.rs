@@ -106,7 +106,7 @@ fn of_paths(first_seed: u64) -> StepResult<()> {
             events.extend(detector.step(line));
         });
         events.extend(detector.finish());
-        sums.add(&room, &Truths::new(&room, &paths), &valid(events));
+        sums.add(&room, &Truths::new(&room, &paths, until_s), &valid(events));
     }
     sums.print(&format!("paths, seeds {first_seed}.."));
     Ok(())
@@ -131,6 +131,7 @@ fn of_tracker(set: &str, recorded: &RecordedRoom, truth: &RowFile, seeds: &[u64]
     track_videos(&recorded.room, &videos, &out, &[])?;
     let room = Room::read(&recorded.room).map_err(|e| e.to_string())?;
     let paths = TruePath::of_rows(truth, RATE_HZ);
+    let end_s = paths.iter().map(|path| path.span_s().1).fold(0.0, f64::max);
     let mut sums = Sums::default();
     for seed in seeds {
         // People walk the same ways without the geometry.
@@ -139,7 +140,8 @@ fn of_tracker(set: &str, recorded: &RecordedRoom, truth: &RowFile, seeds: &[u64]
         run(program("tracker").arg("events").arg(&out).arg("--room").arg(&marked))?;
         let text = std::fs::read_to_string(out.join("events.jsonl")).map_err(|e| e.to_string())?;
         let events: Result<Vec<Event>, _> = text.lines().map(serde_json::from_str).collect();
-        sums.add(&room, &Truths::new(&room, &paths), &valid(events.map_err(|e| e.to_string())?));
+        let truths = Truths::new(&room, &paths, end_s);
+        sums.add(&room, &truths, &valid(events.map_err(|e| e.to_string())?));
     }
     sums.print(set);
     Ok(())
@@ -234,7 +236,7 @@ fn of_day() -> StepResult<()> {
         100.0 * f64::from(right) / f64::from(minutes)
     );
     let mut sums = Sums::default();
-    sums.add(&room, &Truths::new(&room, &all), &events);
+    sums.add(&room, &Truths::new(&room, &all, until_s), &events);
     sums.print("day");
     Ok(())
 }

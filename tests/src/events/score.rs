@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use nalgebra::Point2;
 use scenes::room::Room;
 use tracker::events::{Event, EventKind};
 
@@ -10,6 +11,8 @@ use super::truth::{ANY_M, CLEAR_M, TrueEvent, true_events};
 
 /// Largest difference in time of an event and its true one, seconds.
 pub const WITHIN_S: f64 = 0.5;
+/// Largest distance of their positions, metres: two people may pass a border at one time.
+pub const WITHIN_M: f64 = 1.0;
 
 /// Matched events of one kind.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -76,9 +79,10 @@ pub struct Truths {
 }
 
 impl Truths {
-    /// Truths of paths.
-    pub fn new(room: &Room, paths: &[TruePath]) -> Self {
-        Self { clear: true_events(room, paths, CLEAR_M, false), any: true_events(room, paths, ANY_M, true) }
+    /// Truths of paths in a recording that ends at `end_s`.
+    pub fn new(room: &Room, paths: &[TruePath], end_s: f64) -> Self {
+        let events = |margin_m, with_ends| true_events(room, paths, end_s, margin_m, with_ends);
+        Self { clear: events(CLEAR_M, false), any: events(ANY_M, true) }
     }
 }
 
@@ -102,11 +106,18 @@ pub fn score(truths: &Truths, events: &[Event], kind: EventKind, is_counted: imp
     score
 }
 
-/// Pairs of true events and events of the same place and direction, at most [`WITHIN_S`] apart, the nearest in time first.
+/// Pairs of true events and events of the same place and direction, at most [`WITHIN_S`] and [`WITHIN_M`] apart, the nearest in
+/// time first.
 fn pairs<'a>(truths: &'a [TrueEvent], events: &[&'a Event]) -> Vec<(&'a TrueEvent, &'a Event)> {
     let mut near: Vec<(f64, usize, usize)> = Vec::new();
     for (i, truth) in truths.iter().enumerate() {
-        let is_pair = |e: &Event| e.place.as_deref() == Some(&truth.place) && e.direction == truth.direction;
+        let is_near = |e: &Event| {
+            let at = e.x.zip(e.y).map(|(x, y)| Point2::new(x, y));
+            at.is_some_and(|at| (at - truth.at).norm() <= WITHIN_M)
+        };
+        let is_pair = |e: &Event| {
+            e.place.as_deref() == Some(&truth.place) && e.direction == truth.direction && is_near(e)
+        };
         let apart = |e: &Event| (e.time - truth.time_s).abs();
         let found = events.iter().enumerate().filter(|(_, e)| is_pair(e) && apart(e) <= WITHIN_S);
         near.extend(found.map(|(k, e)| (apart(e), i, k)));

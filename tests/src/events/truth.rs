@@ -24,13 +24,22 @@ pub struct TrueEvent {
     pub direction: Option<Direction>,
     /// Time at which the path is on the border, seconds.
     pub time_s: f64,
+    /// Position at that time, metres.
+    pub at: Point2<f64>,
     /// Duration of the stay, for [`EventKind::Leave`].
     pub seconds: Option<f64>,
 }
 
 /// Events of the paths, at the zones, regions and lines of the room, by time. A border is passed by who comes at least
 /// `margin_m` beyond it; a line, between places so far from its free ends, or so far beyond them where `with_ends`.
-pub fn true_events(room: &Room, paths: &[TruePath], margin_m: f64, with_ends: bool) -> Vec<TrueEvent> {
+/// Who is there when the recording ends, at `end_s`, has not left, and has passed what they are `margin_m` beyond.
+pub fn true_events(
+    room: &Room,
+    paths: &[TruePath],
+    end_s: f64,
+    margin_m: f64,
+    with_ends: bool,
+) -> Vec<TrueEvent> {
     let end_m = if with_ends { CLEAR_M } else { -CLEAR_M };
     let lines: Vec<Line> = room.lines.iter().map(|line| prolonged(line, end_m)).collect();
     let zones = room.zones.iter().map(|zone| (&zone.name, &zone.polygon));
@@ -38,10 +47,10 @@ pub fn true_events(room: &Room, paths: &[TruePath], margin_m: f64, with_ends: bo
     let mut events = Vec::new();
     for path in paths {
         for (name, polygon) in &areas {
-            stays(&mut events, path, (name, polygon), margin_m);
+            stays(&mut events, path, (name, polygon), end_s, margin_m);
         }
         for line in &lines {
-            crossings(&mut events, path, line, margin_m);
+            crossings(&mut events, path, line, end_s, margin_m);
         }
     }
     events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -60,69 +69,100 @@ fn prolonged(line: &Line, by_m: f64) -> Line {
     Line { points, ..line.clone() }
 }
 
-fn stays(events: &mut Vec<TrueEvent>, path: &TruePath, (name, polygon): (&str, &Polygon), margin_m: f64) {
-    let event =
-        |kind, time_s, seconds| TrueEvent { kind, place: name.to_owned(), direction: None, time_s, seconds };
+/// A sample of a path: time, seconds, and position.
+type Sample = (f64, Point2<f64>);
+
+fn stays(
+    events: &mut Vec<TrueEvent>,
+    path: &TruePath,
+    (name, polygon): (&str, &Polygon),
+    end_s: f64,
+    margin_m: f64,
+) {
+    let event = |kind, (time_s, at): Sample, seconds| TrueEvent {
+        kind,
+        place: name.to_owned(),
+        direction: None,
+        time_s,
+        at,
+        seconds,
+    };
     let depth_m = |place: &Point2<f64>| {
         let edges = polygon.edges().map(|(a, b)| distance_m(place, &a, &b));
         edges.fold(f64::INFINITY, f64::min)
     };
-    let (mut inside_since, mut border_s, mut was_in): (Option<f64>, f64, Option<bool>) =
-        (None, f64::NAN, None);
-    for (time_s, place) in &path.samples {
-        let is_in = polygon.contains(place);
-        if was_in.is_none_or(|was_in| was_in != is_in) {
-            border_s = *time_s;
-        }
-        was_in = Some(is_in);
-        if depth_m(place) < margin_m {
-            continue;
-        }
+    let (mut inside_since, mut border, mut before): (Option<Sample>, Option<Sample>, Option<Sample>) =
+        (None, None, None);
+    for sample in &path.samples {
+        let is_in = polygon.contains(&sample.1);
+        let turned = match before {
+            None => Some(*sample),
+            Some(last) if polygon.contains(&last.1) != is_in => {
+                let (was_m, is_m) = (depth_m(&last.1), depth_m(&sample.1));
+                Some(between(&last, sample, was_m / (was_m + is_m)))
+            }
+            Some(_) => None,
+        };
+        before = Some(*sample);
+        border = turned.or(border);
+        let Some(border) = border.filter(|_| depth_m(&sample.1) >= margin_m) else { continue };
         match inside_since {
             None if is_in => {
-                inside_since = Some(border_s);
-                events.push(event(EventKind::Enter, border_s, None));
+                inside_since = Some(border);
+                events.push(event(EventKind::Enter, border, None));
             }
-            Some(since_s) if !is_in => {
+            Some(since) if !is_in => {
                 inside_since = None;
-                events.push(event(EventKind::Leave, border_s, Some(border_s - since_s)));
+                events.push(event(EventKind::Leave, border, Some(border.0 - since.0)));
             }
             _ => {}
         }
     }
-    if let (Some(since_s), Some((last_s, _))) = (inside_since, path.samples.last()) {
-        let end_s = if was_in == Some(true) { *last_s } else { border_s };
-        events.push(event(EventKind::Leave, end_s, Some(end_s - since_s)));
+    if let (Some(since), Some(last), Some(border)) = (inside_since, before, border) {
+        let is_in = polygon.contains(&last.1);
+        let end = if is_in { last } else { border };
+        if !is_in || last.0 < end_s {
+            events.push(event(EventKind::Leave, end, Some(end.0 - since.0)));
+        }
     }
 }
 
-fn crossings(events: &mut Vec<TrueEvent>, path: &TruePath, line: &Line, margin_m: f64) {
-    let (mut net, mut last_s) = (0_i32, [f64::NAN; 2]);
-    let mut settle = |net: &mut i32, last_s: &[f64; 2]| {
+fn crossings(events: &mut Vec<TrueEvent>, path: &TruePath, line: &Line, end_s: f64, margin_m: f64) {
+    // Crossings inward less those outward, and the latest of each direction.
+    let (mut net, mut latest): (i32, [Option<Sample>; 2]) = (0, [None; 2]);
+    let mut settle = |net: &mut i32, latest: &[Option<Sample>; 2]| {
         let direction = if *net > 0 { Direction::In } else { Direction::Out };
-        if *net != 0 {
-            let time_s = last_s[usize::from(*net > 0)];
+        if let Some((time_s, at)) = latest[usize::from(*net > 0)].filter(|_| *net != 0) {
             let (kind, place) = (EventKind::Cross, line.name.clone());
-            events.push(TrueEvent { kind, place, direction: Some(direction), time_s, seconds: None });
+            events.push(TrueEvent { kind, place, direction: Some(direction), time_s, at, seconds: None });
         }
         *net = 0;
     };
     for pair in path.samples.windows(2) {
-        let ((_, p), (time_s, q)) = (pair[0], pair[1]);
+        let ((_, p), (_, q)) = (pair[0], pair[1]);
         for (a, b) in line.pieces() {
-            // Twice the areas of triangles; positive is left.
+            // Twice the areas of triangles; left is positive, and so is the line itself: a sample on it has one side.
             let turn = |a: &Point2<f64>, b: &Point2<f64>, c: &Point2<f64>| (b - a).perp(&(c - a));
             let (before, after) = (turn(&a, &b, &p), turn(&a, &b, &q));
-            if before * after < 0.0 && turn(&p, &q, &a) * turn(&p, &q, &b) < 0.0 {
-                net += if before > 0.0 { 1 } else { -1 };
-                last_s[usize::from(before > 0.0)] = time_s;
+            let changes_side = (before >= 0.0) != (after >= 0.0);
+            if changes_side && (turn(&p, &q, &a) >= 0.0) != (turn(&p, &q, &b) >= 0.0) {
+                net += if before >= 0.0 { 1 } else { -1 };
+                let crossing = between(&pair[0], &pair[1], before / (before - after));
+                latest[usize::from(before >= 0.0)] = Some(crossing);
             }
         }
         if line.pieces().all(|(a, b)| distance_m(&q, &a, &b) >= margin_m) {
-            settle(&mut net, &last_s);
+            settle(&mut net, &latest);
         }
     }
-    settle(&mut net, &last_s);
+    if path.span_s().1 < end_s {
+        settle(&mut net, &latest);
+    }
+}
+
+/// Time and position at a share of the way from one sample to the next.
+fn between(a: &Sample, b: &Sample, share: f64) -> Sample {
+    (a.0 + (b.0 - a.0) * share, a.1 + (b.1 - a.1) * share)
 }
 
 fn distance_m(place: &Point2<f64>, a: &Point2<f64>, b: &Point2<f64>) -> f64 {

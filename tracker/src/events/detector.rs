@@ -80,10 +80,22 @@ impl Events {
     }
 
     /// Events of the end of the run: those who are missing by then have disappeared. People who are still there have
-    /// not left.
+    /// not left; what they were about to do is decided by what has been seen.
     pub fn finish(&mut self) -> Vec<Event> {
-        let events = self.miss(self.now_s, f64::MIN_POSITIVE);
-        self.people.clear();
+        let mut events = self.miss(self.now_s, f64::MIN_POSITIVE);
+        for (id, visit) in std::mem::take(&mut self.people) {
+            if visit.withheld.is_some() || visit.ending.is_some() {
+                continue;
+            }
+            for (crossings, line) in visit.crossings.iter().zip(&self.lines) {
+                events
+                    .extend(crossings.end_of_run().map(|crossed| self.cross_event(id, &line.name, crossed)));
+            }
+            for (stay, area) in visit.stays.iter().zip(&self.areas) {
+                let decisions = stay.end_of_run().into_iter();
+                events.extend(decisions.map(|decision| self.stay_event(id, &area.name, decision)));
+            }
+        }
         events
     }
 

@@ -44,6 +44,8 @@ impl Fix {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Side {
     Unknown,
+    /// Not decided; the path began inside, and was beyond doubt there before it crossed the border.
+    BeganInside(Fix),
     Outside,
     /// Inside since a time.
     Inside(Fix),
@@ -87,6 +89,7 @@ pub(super) struct Stay {
     last: Option<(Fix, f64)>,
     /// The latest time at which the path crossed the border, or began.
     turned: Option<Fix>,
+    has_crossed: bool,
     /// The time at which the stay passed `dwell_s`, while the event is not decided.
     dwell_due: Option<Fix>,
     has_dwelt: bool,
@@ -99,6 +102,7 @@ impl Stay {
             doubt: Doubt::default(),
             last: None,
             turned: None,
+            has_crossed: false,
             dwell_due: None,
             has_dwelt: false,
         }
@@ -112,6 +116,7 @@ impl Stay {
             None => self.turned = Some(*fix),
             Some((before, was_m)) if (was_m >= 0.0) != (signed_m >= 0.0) => {
                 self.turned = Some(before.toward(fix, was_m / (was_m - signed_m)));
+                self.has_crossed = true;
             }
             Some(_) => {}
         }
@@ -121,10 +126,15 @@ impl Stay {
         // In an area that is narrower than the uncertainty, half the way to its middle has to do.
         let inner_m = outer_m.min(0.5 * area.depth_m);
         let beyond = match self.side {
-            Side::Unknown | Side::Outside if signed_m >= inner_m => Some(true),
-            Side::Unknown | Side::Inside(_) if signed_m <= -outer_m => Some(false),
+            Side::Inside(_) if signed_m >= inner_m => None,
+            Side::Outside if signed_m <= -outer_m => None,
+            _ if signed_m >= inner_m => Some(true),
+            _ if signed_m <= -outer_m => Some(false),
             _ => None,
         };
+        if self.side == Side::Unknown && beyond == Some(true) && !self.has_crossed {
+            self.side = Side::BeganInside(self.turned.unwrap_or(*fix));
+        }
         let mut decided = Vec::new();
         if self.doubt.step(beyond, fix.time_s, options.border_s) {
             let turned = self.turned.unwrap_or(*fix);
@@ -152,15 +162,37 @@ impl Stay {
     pub(super) fn end(&self) -> Vec<Decision> {
         let Some((last, signed_m)) = self.last else { return Vec::new() };
         let turned = self.turned.unwrap_or(last);
-        if matches!(self.doubt.since, Some((true, _))) {
-            // There is no more evidence to wait for.
-            return vec![Decision::Entered(turned), Decision::Left(turned, last)];
+        // There is no more evidence to wait for.
+        let entered = self.undecided_entry();
+        let end = if signed_m < 0.0 { turned } else { last };
+        match entered {
+            Some(since) => vec![Decision::Entered(since), Decision::Left(since, end)],
+            None => self.left(&end),
         }
-        self.left(if signed_m < 0.0 { &turned } else { &last })
     }
 
-    /// Decisions of the end of a stay: it may have passed `dwell_s` while it was doubtful.
+    /// Decisions at the end of the run about a person who is still there.
+    pub(super) fn end_of_run(&self) -> Vec<Decision> {
+        if matches!(self.doubt.since, Some((false, _))) {
+            return self.turned.map_or_else(Vec::new, |turned| self.left(&turned));
+        }
+        self.undecided_entry().map(Decision::Entered).into_iter().collect()
+    }
+
+    /// Beginning of a stay that has not lasted for long enough to be decided.
+    fn undecided_entry(&self) -> Option<Fix> {
+        match self.side {
+            Side::BeganInside(first) => Some(first),
+            _ if matches!(self.doubt.since, Some((true, _))) => self.turned,
+            _ => None,
+        }
+    }
+
+    /// Decisions of the end of a stay: it may have passed `dwell_s` while it was doubtful, and begun with the path.
     fn left(&self, end: &Fix) -> Vec<Decision> {
+        if let Side::BeganInside(first) = self.side {
+            return vec![Decision::Entered(first), Decision::Left(first, *end)];
+        }
         let Side::Inside(since) = self.side else { return Vec::new() };
         let dwelt = self.dwell_due.filter(|due| due.time_s <= end.time_s);
         let dwelt = dwelt.map(|due| Decision::Dwelt(since, due));
@@ -230,9 +262,14 @@ impl Crossings {
         crossed
     }
 
-    /// The crossing that is more probable than none if the person is never seen again; the state stays, in case they are.
+    /// The crossing that is more probable than none if nothing more is seen of the person; the state stays, in case it is.
     pub(super) fn end(&self) -> Option<Crossed> {
         self.crossed()
+    }
+
+    /// The crossing of somebody who is still there at the end of the run, and beyond doubt on the other side.
+    pub(super) fn end_of_run(&self) -> Option<Crossed> {
+        self.doubt.since.and_then(|_| self.crossed())
     }
 
     fn crossed(&self) -> Option<Crossed> {

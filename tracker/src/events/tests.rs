@@ -228,6 +228,31 @@ fn a_stay_that_ends_before_its_dwell_time_is_none_and_a_doubtful_one_is_decided_
 }
 
 #[test]
+fn a_stay_that_begins_with_the_path_is_one_however_short() {
+    // First seen in the door, 0.2 s before leaving it.
+    let lines = walk(5.0, |t| Some((0.3 + t, 0.0)));
+    assert_eq!(
+        words(&events_of(&lines))[..3],
+        ["appear door 0.00", "enter door 0.00", "leave door 0.20 0.20 s"]
+    );
+    // A path that begins outside and comes in for no longer, is none.
+    let wild = |t: f64| Some(if (t - 1.0).abs() < 0.01 { (0.3, 0.0) } else { (1.0, 0.0) });
+    assert_eq!(words(&events_of(&walk(5.0, wild))), ["appear - 0.00"]);
+}
+
+#[test]
+fn what_is_beyond_doubt_when_the_run_ends_is_decided_and_nobody_has_left() {
+    // The last frame alone is beyond a border.
+    let end = |from: f64| {
+        words(&events_of(&walk(2.0, move |t| Some((from + t * 0.1 + 0.4 * (t - 1.95).max(0.0) / 0.05, 0.0)))))
+    };
+    assert_eq!(end(1.7), ["appear - 0.00", "enter counter 1.93"]);
+    assert_eq!(end(3.7), ["appear - 0.00", "enter counter 0.00", "leave counter 1.93 1.93 s"]);
+    assert_eq!(end(5.7), ["appear - 0.00", "cross gate 1.93 In"]);
+    assert_eq!(end(2.7), ["appear - 0.00", "enter counter 0.00"]);
+}
+
+#[test]
 fn short_and_doubtful_tracks_are_no_events() {
     assert_eq!(events_of(&walk(5.0, |t| (t < 0.45).then_some((3.0, 0.0)))), []);
     let mut lines = walk(5.0, |_| Some((3.0, 0.0)));
