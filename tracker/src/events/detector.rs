@@ -12,6 +12,11 @@ use super::passing::{Crossed, Crossings, Decision, Fix, Stay};
 use super::{Clock, Direction, Event, EventKind, EventOptions};
 use crate::TrackId;
 
+/// Longest time for which somebody walks unseen in the zone where they are first or last seen, seconds.
+const UNSEEN_S: f64 = 1.0;
+/// Steps of that time.
+const UNSEEN_STEPS: u32 = 20;
+
 /// Detector of a run's events: a pure state machine over the lines of `tracks.jsonl`.
 ///
 /// Its memory grows with the number of people who were there within [`EventOptions::found_s`], not with the run.
@@ -33,6 +38,8 @@ pub struct Events {
 struct Visit {
     first: Fix,
     last: Fix,
+    /// Velocity at the last fix, metres a second.
+    velocity: Vector2<f64>,
     stays: Vec<Stay>,
     crossings: Vec<Crossings>,
     /// Events before the track was believed; `None` from then on.
@@ -146,18 +153,19 @@ impl Events {
             place: Point2::new(person.x, person.y),
             sigma_m: Vector2::from(person.sigma),
         };
+        let velocity = Vector2::new(person.vx, person.vy);
         let mut events = Vec::new();
         let mut visit = match self.people.remove(&person.id) {
             Some(mut visit) => match visit.ending.take() {
                 // Somebody who went through a door and comes back visits again.
-                Some(_) if self.is_exit(&visit.last) => Visit::new(&fix, self.areas.len(), self.lines.len()),
+                Some(_) if self.is_exit(&visit.last) => self.new_visit(&fix, &velocity),
                 Some(ending) => {
                     events.extend(ending.into_iter().rev().map(Event::revocation));
                     visit
                 }
                 None => visit,
             },
-            None => Visit::new(&fix, self.areas.len(), self.lines.len()),
+            None => self.new_visit(&fix, &velocity),
         };
         let mut decided = Vec::new();
         for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
@@ -168,7 +176,7 @@ impl Events {
             let crossed = crossings.step(tripwire, &fix, &self.options);
             decided.extend(crossed.map(|c| self.cross_event(person.id, &tripwire.name, c)));
         }
-        visit.last = fix;
+        (visit.last, visit.velocity) = (fix, velocity);
         if let Some(withheld) = &mut visit.withheld {
             withheld.extend(decided);
             let is_old_enough = fix.time_s - visit.first.time_s >= self.options.seen_s;
@@ -192,8 +200,12 @@ impl Events {
                 continue;
             }
             let mut ending = Vec::new();
+            let left_at = self.walked_on(&visit.last, &visit.velocity, 1.0);
             for (crossings, line) in visit.crossings.iter().zip(&self.lines) {
-                ending.extend(crossings.end().map(|crossed| self.cross_event(*id, &line.name, crossed)));
+                let mut crossings = crossings.clone();
+                let unseen = left_at.and_then(|fix| crossings.step(line, &fix, &self.options));
+                let crossed = unseen.or_else(|| crossings.end());
+                ending.extend(crossed.map(|crossed| self.cross_event(*id, &line.name, crossed)));
             }
             for (stay, area) in visit.stays.iter().zip(&self.areas) {
                 let decisions = stay.end().into_iter();
@@ -205,6 +217,31 @@ impl Events {
         }
         self.people = people;
         events
+    }
+
+    fn new_visit(&self, fix: &Fix, velocity: &Vector2<f64>) -> Visit {
+        let came_from = self.walked_on(fix, velocity, -1.0).unwrap_or(*fix);
+        Visit {
+            first: *fix,
+            last: *fix,
+            velocity: *velocity,
+            stays: (0..self.areas.len()).map(|_| Stay::new()).collect(),
+            crossings: vec![Crossings::from(came_from); self.lines.len()],
+            withheld: Some(Vec::new()),
+            ending: None,
+        }
+    }
+
+    /// Position on the border of a zone of somebody who walks on there unseen after a fix (`sign` 1), to leave, or before it
+    /// (−1), having come in: lines may lie between. `None` in no such zone.
+    fn walked_on(&self, fix: &Fix, velocity: &Vector2<f64>, sign: f64) -> Option<Fix> {
+        let other_way = if sign > 0.0 { ZoneKind::Entry } else { ZoneKind::Exit };
+        let zone = self.zone_at(fix).filter(|zone| zone.kind != other_way)?;
+        let steps = (1..=UNSEEN_STEPS).rev();
+        let times = steps.map(|step| sign * UNSEEN_S * f64::from(step) / f64::from(UNSEEN_STEPS));
+        let mut places = times.map(|after_s| (fix.time_s + after_s, fix.place + velocity * after_s));
+        let (time_s, place) = places.find(|(_, place)| zone.polygon.contains(place))?;
+        Some(Fix { time_s: time_s.max(0.0), place, ..*fix })
     }
 
     /// Zone of a place at which a track begins or ends: the one around it, or one whose border is near.
@@ -261,19 +298,6 @@ impl Events {
             direction: None,
             state: None,
             clock: self.clock.map(|clock| clock.at(time)),
-        }
-    }
-}
-
-impl Visit {
-    fn new(fix: &Fix, areas: usize, lines: usize) -> Self {
-        Self {
-            first: *fix,
-            last: *fix,
-            stays: (0..areas).map(|_| Stay::new()).collect(),
-            crossings: vec![Crossings::default(); lines],
-            withheld: Some(Vec::new()),
-            ending: None,
         }
     }
 }

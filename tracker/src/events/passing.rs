@@ -234,6 +234,11 @@ pub(super) struct Crossed {
 }
 
 impl Crossings {
+    /// Crossings of a path that begins at a fix.
+    pub(super) fn from(first: Fix) -> Self {
+        Self { last: Some(first), ..Self::default() }
+    }
+
     /// Takes the next fix.
     pub(super) fn step(&mut self, line: &Line, fix: &Fix, options: &EventOptions) -> Option<Crossed> {
         if let Some(last) = self.last {

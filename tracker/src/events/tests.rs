@@ -241,6 +241,35 @@ fn a_stay_that_begins_with_the_path_is_one_however_short() {
 }
 
 #[test]
+fn a_line_in_a_door_is_crossed_by_who_is_first_or_last_seen_behind_it() {
+    let mut room = room();
+    // Three sides of the door lie in walls; the line is 30 cm from the outer one.
+    let points = vec![Point2::new(-0.2, -1.0), Point2::new(-0.2, 1.0)];
+    room.lines = vec![Line { name: "threshold".into(), points }];
+    let crossings = |lines: &[FrameLine], room: &Room| {
+        let mut events = Events::new(room, EventOptions::default());
+        let mut all: Vec<Event> = lines.iter().flat_map(|line| events.step(line)).collect();
+        all.extend(events.finish());
+        let crossed = all.into_iter().filter(|e| e.kind == EventKind::Cross);
+        words(&crossed.collect::<Vec<_>>())
+    };
+    let walking = |from: f64, speed: f64| {
+        let mut lines = walk(6.0, |t| (t >= 1.0 && t < 4.0).then_some((from + speed * (t - 1.0), 0.0)));
+        for person in lines.iter_mut().flat_map(|line| &mut line.people) {
+            person.vx = speed;
+        }
+        lines
+    };
+    assert_eq!(crossings(&walking(0.0, 1.0), &room), ["cross threshold 0.80 In"]);
+    // The last fix is at 3.9 s.
+    assert_eq!(crossings(&walking(2.9, -1.0), &room), ["cross threshold 4.10 Out"]);
+    // Nobody comes in through an exit; whoever stands has not walked.
+    assert_eq!(crossings(&walking(0.0, 0.0), &room), Vec::<String>::new());
+    room.zones[0].kind = ZoneKind::Exit;
+    assert_eq!(crossings(&walking(0.0, 1.0), &room), Vec::<String>::new());
+}
+
+#[test]
 fn what_is_beyond_doubt_when_the_run_ends_is_decided_and_nobody_has_left() {
     // The last frame alone is beyond a border.
     let end = |from: f64| {
