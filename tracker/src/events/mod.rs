@@ -20,6 +20,8 @@ mod groups;
 mod heat;
 mod open_visits;
 mod passing;
+#[cfg(test)]
+mod property_tests;
 pub mod stats;
 mod tally;
 #[cfg(test)]
