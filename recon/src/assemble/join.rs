@@ -29,6 +29,12 @@ pub(super) struct JoinedCameras {
     pub(super) floor: Result<(Plane, FloorReport)>,
 }
 
+impl JoinedCameras {
+    fn new(merged: Merged, report: MergeReport, floor: Result<(Plane, FloorReport)>) -> Self {
+        Self { poses: merged.poses(), merged, report, floor }
+    }
+}
+
 impl Captures<'_> {
     /// Joins the cameras by the picks and, where the picks do not contradict it, by the lines in the pictures.
     pub(super) fn join_cameras(&self, project: &Project, options: &AssembleOptions) -> Result<JoinedCameras> {
@@ -72,14 +78,34 @@ impl Captures<'_> {
     ) -> Result<JoinedCameras> {
         let Captures { motions, surfaces, lenses, measured, .. } = *self;
         let captures = MergedCaptures { motions, surfaces, lenses, measured };
-        let (merged, report) = merge::adjust(project, &captures, joined, &options.merge)?;
+        let (merged, report) = joined;
+        let Some(adjusted) = merge::adjust(project, &captures, (&merged, &report), &options.merge)? else {
+            let floor = self.floor(&merged, plumb, options);
+            return Ok(JoinedCameras::new(merged, report, floor));
+        };
+        let (merged, report) = (adjusted.merged.clone(), adjusted.report.clone());
+        let floor = self.floor(&merged, plumb, options);
+        if let Ok((plane, told)) = &floor
+            && let Some((laid, plane)) = adjusted.on_floor(plane)
+        {
+            return Ok(JoinedCameras::new(laid.merged, laid.report, Ok((plane, told.clone()))));
+        }
+        Ok(JoinedCameras::new(merged, report, floor))
+    }
+
+    /// The floor under joined cameras.
+    fn floor(
+        &self,
+        merged: &Merged,
+        plumb: &[Option<Plumb>],
+        options: &AssembleOptions,
+    ) -> Result<(Plane, FloorReport)> {
         let poses = merged.poses();
         let points = surface_points(self.surfaces, &merged.common_from_camera, STRIDE);
         let told = plumb.iter().zip(&poses);
         let plumb: Vec<Plumb> =
             told.filter_map(|(of, pose)| Some(of.as_ref()?.turned(&pose.rotation.inverse()))).collect();
-        let floor = floor::find(&points, &poses, &plumb, &options.floor);
-        Ok(JoinedCameras { merged, report, poses, floor })
+        floor::find(&points, &poses, &plumb, &options.floor)
     }
 }
 

@@ -64,7 +64,11 @@ fn exactly(loss: Loss, lens: LensFreedom) -> BundleOptions {
 fn exact_measurements_give_the_exact_motion() {
     let (observations, truth) = scene(0.0, 1);
     let mut state = disturbed(&truth, 2);
-    let problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Fixed) };
+    let problem = BundleProblem {
+        observations,
+        on_plane: Vec::new(),
+        options: exactly(Loss::Squares, LensFreedom::Fixed),
+    };
     let report = problem.adjust(&mut state);
     assert!((report.final_cost / problem.observation_count() as f64).sqrt() < 1e-6, "{report:?}");
     let (turn, shift) = pose_errors(&state, &truth);
@@ -80,7 +84,7 @@ fn a_wrong_lens_is_found() {
     state.intrinsics.fy *= 1.15;
     state.intrinsics.distortion = Distortion::NONE;
     let options = exactly(Loss::Squares, LensFreedom::FocalRadial);
-    BundleProblem { observations, options }.adjust(&mut state);
+    BundleProblem { observations, on_plane: Vec::new(), options }.adjust(&mut state);
     let (found, wanted) = (&state.intrinsics, &truth.intrinsics);
     assert!((found.fx / wanted.fx - 1.0).abs() < 1e-4, "{found:?}");
     assert!((found.distortion.leading()[0] - wanted.distortion.leading()[0]).abs() < 1e-3, "{found:?}");
@@ -94,7 +98,7 @@ fn outliers_fade_under_cauchy() {
             observation.pixel.x += 25.0;
         }
     }
-    let mut problem = BundleProblem { observations, options: BundleOptions::default() };
+    let mut problem = BundleProblem { observations, on_plane: Vec::new(), options: BundleOptions::default() };
     let mut robust = disturbed(&truth, 6);
     // Cauchy alone may settle on the wrong side from far away: Huber, which is convex, first.
     for loss in [Loss::Huber(1.0), Loss::Cauchy(1.0)] {
@@ -116,8 +120,11 @@ fn elimination_equals_the_dense_solution() {
     let mut state = disturbed(&truth, 8);
     state.points.truncate(20);
     observations.truncate(20);
-    let problem =
-        BundleProblem { observations, options: exactly(Loss::Huber(1.0), LensFreedom::FocalRadial) };
+    let problem = BundleProblem {
+        observations,
+        on_plane: Vec::new(),
+        options: exactly(Loss::Huber(1.0), LensFreedom::FocalRadial),
+    };
     let (poses, points, damping) = (state.poses.len(), state.points.len(), 0.01);
     let size = 6 * poses + 3 + 3 * points;
     let (mut dense, mut right) = (DMatrix::<f64>::zeros(size, size), nalgebra::DVector::<f64>::zeros(size));
@@ -158,7 +165,7 @@ fn elimination_equals_the_dense_solution() {
 fn any_number_of_threads_gives_the_same_bytes() {
     let (observations, truth) = scene(0.3, 9);
     let start = disturbed(&truth, 10);
-    let problem = BundleProblem { observations, options: BundleOptions::default() };
+    let problem = BundleProblem { observations, on_plane: Vec::new(), options: BundleOptions::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut state = start.clone();
@@ -178,7 +185,11 @@ fn nothing_to_adjust_is_no_accident() {
         points: vec![Point3::new(0.0, 0.0, -1.0)],
     };
     let behind = Observation::new(1, Point2::new(3.0, 4.0));
-    let mut problem = BundleProblem { observations: vec![vec![behind]], options: BundleOptions::default() };
+    let mut problem = BundleProblem {
+        observations: vec![vec![behind]],
+        on_plane: Vec::new(),
+        options: BundleOptions::default(),
+    };
     assert!(problem.adjust(&mut state).final_cost.is_finite());
     problem.observations.clear();
     state.points.clear();
@@ -193,7 +204,11 @@ fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Vec<Vec<Observation>>, &mu
     for seed in 0..REPEATS {
         let (mut observations, mut state) = (exact.clone(), truth.clone());
         noise(&mut observations, &mut Pcg64Mcg::seed_from_u64(seed));
-        let problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Focal) };
+        let problem = BundleProblem {
+            observations,
+            on_plane: Vec::new(),
+            options: exactly(Loss::Squares, LensFreedom::Focal),
+        };
         problem.adjust(&mut state);
         squares += (state.intrinsics.fx / truth.intrinsics.fx).ln().powi(2);
         let evidence = problem.lens_evidence(&state).unwrap();
@@ -239,7 +254,11 @@ fn a_step_of_evidence_points_at_the_true_lens() {
     let mut wrong = truth.clone();
     wrong.intrinsics.fx *= 1.01;
     wrong.intrinsics.fy *= 1.01;
-    let mut problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Fixed) };
+    let mut problem = BundleProblem {
+        observations,
+        on_plane: Vec::new(),
+        options: exactly(Loss::Squares, LensFreedom::Fixed),
+    };
     problem.adjust(&mut wrong);
     assert_eq!(problem.lens_evidence(&truth), None);
     problem.options.lens = LensFreedom::FocalRadial;
