@@ -1,7 +1,8 @@
 //! All cameras in one frame, with the vertical and the floor there. Two estimates depend on each other: lines in the
 //! pictures level the cameras once the vertical is roughly known, and the vertical is the floor's normal, which is
 //! found after the cameras are joined. So cameras are first joined by the picks, a coarse floor gives the approximate
-//! vertical, and they are joined again with the lines as further constraints. Then their captures are adjusted together.
+//! vertical, and they are joined again with the lines as further constraints. Then their captures are adjusted together, the
+//! floor is found, and they are adjusted with their features on it.
 
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
@@ -68,7 +69,7 @@ impl Captures<'_> {
         self.edges.iter().zip(&poses).map(seen).collect()
     }
 
-    /// Adjusts joined cameras with their captures, and finds the floor.
+    /// Adjusts joined cameras with their captures, finds the floor, and adjusts them with it.
     fn on_floor(
         &self,
         project: &Project,

@@ -12,6 +12,7 @@
 //! [`crate::bundle`] has the residuals, the elimination of the points, and the minimisation.
 
 use calib::Intrinsics;
+use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Point3, Similarity3, Vector2};
 
 use super::{LiftedPick, Merged};
@@ -30,9 +31,11 @@ const LEAST_NOISE_PX: f64 = 0.05;
 /// Factor on the noise of a capture's features, since a patch errs alike in frames that follow each other.
 const CORRELATED: f64 = 2.0;
 /// Standard deviation of a feature that is found in another camera's picture, pixels.
-const FOUND_SIGMA_PX: f64 = 0.5;
+const FOUND_SIGMA_PX: f64 = 0.25;
 /// Number of independent observations as which the features of one camera in the picture of another count at most.
 const MOST_INDEPENDENT: f64 = 100.0;
+/// Number of standard deviations from which on a residual counts as an outlier's: half as much as others at that distance.
+const OUTLYING: f64 = 2.0;
 /// Least number of features that a camera must share with others. The adjustment does without the surfaces, which join cameras that
 /// share fewer better.
 const LEAST_SHARED: usize = 100;
@@ -201,7 +204,9 @@ impl<'a> JointBundle<'a> {
     ) -> Self {
         let focal = motions[0].lens.fx;
         let intrinsics = Intrinsics { fx: focal, fy: focal, ..motions[0].lens.pinhole() };
-        let feature_sigma_px = motions.iter().map(|motion| CORRELATED * motion.noise_px()).collect();
+        let feature_sigma_px: Vec<f64> =
+            motions.iter().map(|motion| CORRELATED * motion.noise_px()).collect();
+        let loss = Loss::Cauchy(OUTLYING * feature_sigma_px[0]);
         let state = BundleState { intrinsics, poses: Vec::new(), points: Vec::new() };
         let mut bundle = Self {
             motions,
@@ -211,7 +216,7 @@ impl<'a> JointBundle<'a> {
             problem: BundleProblem {
                 observations: Vec::new(),
                 on_plane: Vec::new(),
-                options: BundleOptions::default(),
+                options: BundleOptions { loss, ..BundleOptions::default() },
             },
             references: Vec::new(),
             start_scales: start.iter().map(Similarity3::scaling).collect(),

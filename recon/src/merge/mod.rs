@@ -6,7 +6,8 @@
 //! camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks project onto
 //! their pixels, common surfaces of cameras coincide, and the vertical is the same for all. With known relative poses
 //! more correspondences are found between the pictures ([`crate::proposals`]), and the refinement is repeated with
-//! them. Last, all captures are adjusted together, key frame by key frame ([`adjustment`]).
+//! them. Last, all captures are adjusted together, key frame by key frame ([`adjustment`]), and once more with their
+//! features on the floor in one plane ([`on_floor`]).
 
 mod adjustment;
 mod graph;
@@ -199,8 +200,9 @@ pub(crate) fn adjust<'a>(
     }
     let bundle = adjustment::adjust(motions, surfaces, merged, (&picks, options.pick_sigma_px), &shared);
     let report = MergeReport { shared_features: shared.len(), ..report.clone() };
-    let before = AdjustedCaptures { bundle, surfaces, picks, merged: merged.clone(), report };
-    Ok(before.taken())
+    let mut merged = merged.clone();
+    merged.points.truncate(project.points.len());
+    Ok(AdjustedCaptures { bundle, surfaces, picks, merged, report }.taken())
 }
 
 impl AdjustedCaptures<'_> {

@@ -17,7 +17,7 @@ use crate::floor::{self, Plane};
 use crate::surface::Surface;
 
 /// Standard deviation of a floor from a plane, as a share of the first camera's height.
-const UNEVEN: f64 = 0.001;
+const UNEVEN: f64 = 0.003;
 /// Largest distance of the floor's features from the floor by the surfaces, as a share of that height.
 const FARTHEST: f64 = 0.01;
 /// Largest angle of the surface at such a feature from level, degrees.
