@@ -290,7 +290,7 @@ fn scene_on_floor(noise_px: f64, seed: u64) -> (BundleProblem, BundleState) {
         Isometry3::face_towards(&eye, &Point3::origin(), &-Vector3::z()).inverse()
     };
     let poses: Vec<Isometry3<f64>> = (0..6).map(pose).collect();
-    let height = |k: usize| if k % 3 == 0 { 0.3 } else { 0.0 };
+    let height = |k: usize| if k.is_multiple_of(3) { 0.3 } else { 0.0 };
     let points: Vec<Point3<f64>> = (0..90)
         .map(|k| Point3::new(0.7 * spread.sample(&mut rng), spread.sample(&mut rng), height(k)))
         .collect();
