@@ -1,7 +1,8 @@
 //! All cameras in one frame, with the vertical and the floor there. Two estimates depend on each other: lines in the
 //! pictures level the cameras once the vertical is roughly known, and the vertical is the floor's normal, which is
 //! found after the cameras are joined. So cameras are first joined by the picks, a coarse floor gives the approximate
-//! vertical, and they are joined again with the lines as further constraints. Then their captures are adjusted together.
+//! vertical, and they are joined again with the lines as further constraints. Then their captures are adjusted together, the
+//! floor is found, and they are adjusted with their features on it.
 
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
@@ -27,6 +28,12 @@ pub(super) struct JoinedCameras {
     pub(super) poses: Vec<Isometry3<f64>>,
     /// The floor; an error where no plane can be one, kept so that problems of the picks are reported first.
     pub(super) floor: Result<(Plane, FloorReport)>,
+}
+
+impl JoinedCameras {
+    fn new(merged: Merged, report: MergeReport, floor: Result<(Plane, FloorReport)>) -> Self {
+        Self { poses: merged.poses(), merged, report, floor }
+    }
 }
 
 impl Captures<'_> {
@@ -62,7 +69,7 @@ impl Captures<'_> {
         self.edges.iter().zip(&poses).map(seen).collect()
     }
 
-    /// Adjusts joined cameras with their captures, and finds the floor.
+    /// Adjusts joined cameras with their captures, finds the floor, and adjusts them with it.
     fn on_floor(
         &self,
         project: &Project,
@@ -72,14 +79,34 @@ impl Captures<'_> {
     ) -> Result<JoinedCameras> {
         let Captures { motions, surfaces, lenses, measured, .. } = *self;
         let captures = MergedCaptures { motions, surfaces, lenses, measured };
-        let (merged, report) = merge::adjust(project, &captures, joined, &options.merge)?;
+        let (merged, report) = joined;
+        let Some(adjusted) = merge::adjust(project, &captures, (&merged, &report), &options.merge)? else {
+            let floor = self.floor(&merged, plumb, options);
+            return Ok(JoinedCameras::new(merged, report, floor));
+        };
+        let (merged, report) = (adjusted.merged.clone(), adjusted.report.clone());
+        let floor = self.floor(&merged, plumb, options);
+        if let Ok((plane, told)) = &floor
+            && let Some((laid, plane)) = adjusted.on_floor(plane)
+        {
+            return Ok(JoinedCameras::new(laid.merged, laid.report, Ok((plane, told.clone()))));
+        }
+        Ok(JoinedCameras::new(merged, report, floor))
+    }
+
+    /// The floor under joined cameras.
+    fn floor(
+        &self,
+        merged: &Merged,
+        plumb: &[Option<Plumb>],
+        options: &AssembleOptions,
+    ) -> Result<(Plane, FloorReport)> {
         let poses = merged.poses();
         let points = surface_points(self.surfaces, &merged.common_from_camera, STRIDE);
         let told = plumb.iter().zip(&poses);
         let plumb: Vec<Plumb> =
             told.filter_map(|(of, pose)| Some(of.as_ref()?.turned(&pose.rotation.inverse()))).collect();
-        let floor = floor::find(&points, &poses, &plumb, &options.floor);
-        Ok(JoinedCameras { merged, report, poses, floor })
+        floor::find(&points, &poses, &plumb, &options.floor)
     }
 }
 

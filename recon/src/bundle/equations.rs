@@ -1,4 +1,5 @@
-//! Normal equations of a bundle problem at a state. The first pose is fixed: none of its derivatives enter.
+//! Normal equations of a bundle problem at a state. The first pose is fixed: none of its derivatives enter, or those by its
+//! rotation alone.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3, Vector6};
 use rayon::prelude::*;
@@ -99,7 +100,7 @@ fn point_block(
     point: usize,
     sums: &mut Chunk,
 ) -> PointBlock<POSE> {
-    let BundleProblem { observations, options } = problem;
+    let BundleProblem { observations, on_plane, options } = problem;
     let mut block = PointBlock::default();
     block.edges.reserve_exact(observations[point].len());
     for observation in &observations[point] {
@@ -116,7 +117,8 @@ fn point_block(
         let by_point = a * pose.rotation;
         block.v += pose.rotation.tr_mul(&by_point);
         block.right -= pose.rotation.tr_mul(&gradient);
-        let sum = (observation.pose > 0).then(|| &mut sums.poses[observation.pose]);
+        let is_first = observation.pose == 0;
+        let sum = (!is_first || !on_plane.is_empty()).then(|| &mut sums.poses[observation.pose]);
         let mut border = Block6x3::zeros();
         if options.lens.count() > 0 {
             let mut lens: LensJacobian = l.by_lens(&state.intrinsics);
@@ -130,14 +132,27 @@ fn point_block(
             sums.lens_right -= weight * lens.transpose() * l.residual;
         }
         if let Some(sum) = sum {
-            block.edges.push((observation.pose, for_pose(at, &by_point)));
             let turned = crossed(at, &a);
             add(&mut sum.u, 0, 0, &crossed(at, &turned.transpose()));
-            add(&mut sum.u, 0, 3, &turned);
-            add(&mut sum.u, 3, 3, &a);
-            sum.right -= Vector6::from_iterator(at.cross(&gradient).iter().chain(&gradient).copied());
+            let (mut edge, mut by_shift) = (for_pose(at, &by_point), gradient);
+            if is_first {
+                edge.fixed_rows_mut::<3>(3).fill(0.0);
+                border.fixed_rows_mut::<3>(3).fill(0.0);
+                by_shift.fill(0.0);
+            } else {
+                add(&mut sum.u, 0, 3, &turned);
+                add(&mut sum.u, 3, 3, &a);
+            }
+            block.edges.push((observation.pose, edge));
+            sum.right -= Vector6::from_iterator(at.cross(&gradient).iter().chain(&by_shift).copied());
             sum.border += border;
         }
+    }
+    if let Some(precision) = on_plane.get(point) {
+        let height = state.points[point].z;
+        let weight = precision * options.loss.weight(precision * height * height);
+        block.v[(2, 2)] += weight;
+        block.right.z -= weight * height;
     }
     block
 }

@@ -1,5 +1,6 @@
 //! Bundle adjustment: least squares over poses, points and, if asked, the lens (B. Triggs, P. `McLauchlan`, R. Hartley,
-//! A. Fitzgibbon, "Bundle adjustment — a modern synthesis", 2000). The first pose is fixed. [`crate::schur`] eliminates
+//! A. Fitzgibbon, "Bundle adjustment — a modern synthesis", 2000). The first pose is fixed; where points are known to lie on
+//! the plane z = 0, its centre alone, so that its distance from the plane is the unit of length. [`crate::schur`] eliminates
 //! the points, [`calib::least_squares`] has the loop.
 //!
 //! All sums run in a fixed order, so the result does not depend on the number of threads.
@@ -55,6 +56,9 @@ pub struct BundleState {
 pub struct BundleProblem {
     /// The observations of each point, in the same order as [`BundleState::points`].
     pub observations: Vec<Vec<Observation>>,
+    /// Inverse of the variance with which the points lie on the plane z = 0, in that of the most precise observations
+    /// (pixel² a unit²): one a point, 0 for points elsewhere. Empty where there is no such plane.
+    pub on_plane: Vec<f64>,
     /// Options of the adjustment.
     pub options: BundleOptions,
 }
@@ -144,6 +148,11 @@ impl BundleProblem {
         self.observations.iter().map(Vec::len).sum()
     }
 
+    /// Squared residual of a point's height over the plane.
+    fn squared_height(&self, index: usize, point: &Point3<f64>) -> f64 {
+        self.on_plane.get(index).map_or(0.0, |precision| precision * point.z * point.z)
+    }
+
     /// Adjusts the state; its cost never increases.
     ///
     /// A problem that does not determine its unknowns is damped, not refused; the overall scale is such an unknown.
@@ -171,8 +180,12 @@ impl Problem for BundleProblem {
             .points
             .par_iter()
             .zip(&self.observations)
+            .enumerate()
             .with_min_len(64)
-            .map(|(point, observations)| observations.iter().map(|o| cost(point, o)).sum())
+            .map(|(index, (point, observations))| {
+                let height_cost = self.options.loss.cost(self.squared_height(index, point));
+                observations.iter().map(|o| cost(point, o)).sum::<f64>() + height_cost
+            })
             .collect();
         each.iter().sum::<f64>() + self.options.lens.prior_cost(&state.intrinsics)
     }

@@ -64,7 +64,11 @@ fn exactly(loss: Loss, lens: LensFreedom) -> BundleOptions {
 fn exact_measurements_give_the_exact_motion() {
     let (observations, truth) = scene(0.0, 1);
     let mut state = disturbed(&truth, 2);
-    let problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Fixed) };
+    let problem = BundleProblem {
+        observations,
+        on_plane: Vec::new(),
+        options: exactly(Loss::Squares, LensFreedom::Fixed),
+    };
     let report = problem.adjust(&mut state);
     assert!((report.final_cost / problem.observation_count() as f64).sqrt() < 1e-6, "{report:?}");
     let (turn, shift) = pose_errors(&state, &truth);
@@ -80,7 +84,7 @@ fn a_wrong_lens_is_found() {
     state.intrinsics.fy *= 1.15;
     state.intrinsics.distortion = Distortion::NONE;
     let options = exactly(Loss::Squares, LensFreedom::FocalRadial);
-    BundleProblem { observations, options }.adjust(&mut state);
+    BundleProblem { observations, on_plane: Vec::new(), options }.adjust(&mut state);
     let (found, wanted) = (&state.intrinsics, &truth.intrinsics);
     assert!((found.fx / wanted.fx - 1.0).abs() < 1e-4, "{found:?}");
     assert!((found.distortion.leading()[0] - wanted.distortion.leading()[0]).abs() < 1e-3, "{found:?}");
@@ -94,7 +98,7 @@ fn outliers_fade_under_cauchy() {
             observation.pixel.x += 25.0;
         }
     }
-    let mut problem = BundleProblem { observations, options: BundleOptions::default() };
+    let mut problem = BundleProblem { observations, on_plane: Vec::new(), options: BundleOptions::default() };
     let mut robust = disturbed(&truth, 6);
     // Cauchy alone may settle on the wrong side from far away: Huber, which is convex, first.
     for loss in [Loss::Huber(1.0), Loss::Cauchy(1.0)] {
@@ -112,12 +116,22 @@ fn outliers_fade_under_cauchy() {
 /// The reduced step must equal the step of the full dense normal equations.
 #[test]
 fn elimination_equals_the_dense_solution() {
+    eliminated(Vec::new(), 0..6);
+    // Points on a plane free the first rotation.
+    eliminated((0..20).map(|k| if k % 3 == 0 { 40.0 } else { 0.0 }).collect(), 3..6);
+}
+
+/// `held`: parameters of the first pose that are fixed.
+fn eliminated(on_plane: Vec<f64>, held: std::ops::Range<usize>) {
     let (mut observations, truth) = scene(0.3, 7);
     let mut state = disturbed(&truth, 8);
     state.points.truncate(20);
     observations.truncate(20);
-    let problem =
-        BundleProblem { observations, options: exactly(Loss::Huber(1.0), LensFreedom::FocalRadial) };
+    let problem = BundleProblem {
+        observations,
+        on_plane,
+        options: exactly(Loss::Huber(1.0), LensFreedom::FocalRadial),
+    };
     let (poses, points, damping) = (state.poses.len(), state.points.len(), 0.01);
     let size = 6 * poses + 3 + 3 * points;
     let (mut dense, mut right) = (DMatrix::<f64>::zeros(size, size), nalgebra::DVector::<f64>::zeros(size));
@@ -133,11 +147,17 @@ fn elimination_equals_the_dense_solution() {
             dense += w * j.transpose() * &j;
             right -= w * j.transpose() * l.residual;
         }
+        if let Some(precision) = problem.on_plane.get(index) {
+            let (k, height) = (6 * poses + 3 + 3 * index + 2, state.points[index].z);
+            let w = precision * problem.options.loss.weight(precision * height * height);
+            dense[(k, k)] += w;
+            right[k] -= w * height;
+        }
     }
     for k in 0..size {
         dense[(k, k)] *= 1.0 + damping;
     }
-    for k in 0..6 {
+    for k in held {
         dense.row_mut(k).fill(0.0);
         dense.column_mut(k).fill(0.0);
         dense[(k, k)] = 1.0;
@@ -158,7 +178,7 @@ fn elimination_equals_the_dense_solution() {
 fn any_number_of_threads_gives_the_same_bytes() {
     let (observations, truth) = scene(0.3, 9);
     let start = disturbed(&truth, 10);
-    let problem = BundleProblem { observations, options: BundleOptions::default() };
+    let problem = BundleProblem { observations, on_plane: Vec::new(), options: BundleOptions::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut state = start.clone();
@@ -178,7 +198,11 @@ fn nothing_to_adjust_is_no_accident() {
         points: vec![Point3::new(0.0, 0.0, -1.0)],
     };
     let behind = Observation::new(1, Point2::new(3.0, 4.0));
-    let mut problem = BundleProblem { observations: vec![vec![behind]], options: BundleOptions::default() };
+    let mut problem = BundleProblem {
+        observations: vec![vec![behind]],
+        on_plane: Vec::new(),
+        options: BundleOptions::default(),
+    };
     assert!(problem.adjust(&mut state).final_cost.is_finite());
     problem.observations.clear();
     state.points.clear();
@@ -193,7 +217,11 @@ fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Vec<Vec<Observation>>, &mu
     for seed in 0..REPEATS {
         let (mut observations, mut state) = (exact.clone(), truth.clone());
         noise(&mut observations, &mut Pcg64Mcg::seed_from_u64(seed));
-        let problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Focal) };
+        let problem = BundleProblem {
+            observations,
+            on_plane: Vec::new(),
+            options: exactly(Loss::Squares, LensFreedom::Focal),
+        };
         problem.adjust(&mut state);
         squares += (state.intrinsics.fx / truth.intrinsics.fx).ln().powi(2);
         let evidence = problem.lens_evidence(&state).unwrap();
@@ -239,11 +267,63 @@ fn a_step_of_evidence_points_at_the_true_lens() {
     let mut wrong = truth.clone();
     wrong.intrinsics.fx *= 1.01;
     wrong.intrinsics.fy *= 1.01;
-    let mut problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Fixed) };
+    let mut problem = BundleProblem {
+        observations,
+        on_plane: Vec::new(),
+        options: exactly(Loss::Squares, LensFreedom::Fixed),
+    };
     problem.adjust(&mut wrong);
     assert_eq!(problem.lens_evidence(&truth), None);
     problem.options.lens = LensFreedom::FocalRadial;
     let evidence = problem.lens_evidence(&wrong).unwrap();
     let off = evidence.step.x + 1.01_f64.ln();
     assert!(off.abs() < 0.003 && evidence.covariance[(0, 0)].sqrt() < 0.006, "{evidence:?}");
+}
+
+/// Points on a level floor and above it, seen by cameras that look down on it; the first camera's pose is that in the floor's frame.
+fn scene_on_floor(noise_px: f64, seed: u64) -> (BundleProblem, BundleState) {
+    let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 70.0);
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let (noise, spread) = (Normal::new(0.0, noise_px).unwrap(), Normal::new(0.0, 1.0).unwrap());
+    let pose = |k: i32| {
+        let eye = Point3::new(-3.0 + 0.1 * f64::from(k), 0.15 * f64::from(k % 3), 2.4);
+        Isometry3::face_towards(&eye, &Point3::origin(), &-Vector3::z()).inverse()
+    };
+    let poses: Vec<Isometry3<f64>> = (0..6).map(pose).collect();
+    let height = |k: usize| if k.is_multiple_of(3) { 0.3 } else { 0.0 };
+    let points: Vec<Point3<f64>> = (0..90)
+        .map(|k| Point3::new(0.7 * spread.sample(&mut rng), spread.sample(&mut rng), height(k)))
+        .collect();
+    let mut seen = |point: &Point3<f64>| {
+        let observation = |(index, pose): (usize, &Isometry3<f64>)| {
+            let slip = nalgebra::Vector2::from_fn(|_, _| noise.sample(&mut rng));
+            Some(Observation::new(index, intrinsics.project(&(pose * point))? + slip))
+        };
+        poses.iter().enumerate().filter_map(observation).collect()
+    };
+    let observations = points.iter().map(&mut seen).collect();
+    let on_plane = (0..points.len()).map(|k| if height(k) > 0.0 { 0.0 } else { 1e4 }).collect();
+    let problem =
+        BundleProblem { observations, on_plane, options: exactly(Loss::Squares, LensFreedom::Fixed) };
+    (problem, BundleState { intrinsics, poses, points })
+}
+
+#[test]
+fn points_on_a_plane_level_the_cameras_over_it() {
+    let (problem, truth) = scene_on_floor(0.1, 5);
+    let mut state = disturbed(&truth, 6);
+    // The first camera leans, about its centre.
+    state.poses[0] = moved_pose(&state.poses[0], &[0.02, -0.03, 0.01, 0.0, 0.0, 0.0]);
+    problem.adjust(&mut state);
+    let centre = |state: &BundleState| state.poses[0].inverse() * Point3::origin();
+    assert!((centre(&state) - centre(&truth)).norm() < 1e-9, "the first centre is held");
+    for (found, expected) in state.poses.iter().zip(&truth.poses) {
+        let up = |pose: &Isometry3<f64>| pose.rotation * Vector3::z();
+        assert!(up(found).angle(&up(expected)) < 2e-3, "{found} {expected}");
+        let height = |pose: &Isometry3<f64>| (pose.inverse() * Point3::origin()).z;
+        assert!((height(found) - height(expected)).abs() < 4e-3, "{found} {expected}");
+    }
+    // Its height over the plane is the unit of all lengths.
+    let apart = |state: &BundleState| (state.poses[5].inverse() * Point3::origin() - centre(state)).norm();
+    assert!((apart(&state) / apart(&truth) - 1.0).abs() < 5e-3, "{} {}", apart(&state), apart(&truth));
 }

@@ -156,7 +156,11 @@ fn solve(
         observations.push(seen);
     }
     let solver = Options { max_iterations: 25, cost_tolerance: 1e-4, ..Options::default() };
-    let mut problem = BundleProblem { observations, options: BundleOptions { solver, ..Default::default() } };
+    let mut problem = BundleProblem {
+        observations,
+        on_plane: Vec::new(),
+        options: BundleOptions { solver, ..Default::default() },
+    };
     let adjusted = perspective::factorize(&measured).into_iter().map(|(metric, _)| {
         let points = metric.points.into_iter().map(Point3::from).collect();
         let mut state = BundleState { intrinsics: intrinsics.clone(), poses: metric.poses, points };

@@ -12,6 +12,7 @@
 //! [`crate::bundle`] has the residuals, the elimination of the points, and the minimisation.
 
 use calib::Intrinsics;
+use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Point3, Similarity3, Vector2};
 
 use super::{LiftedPick, Merged};
@@ -30,9 +31,11 @@ const LEAST_NOISE_PX: f64 = 0.05;
 /// Factor on the noise of a capture's features, since a patch errs alike in frames that follow each other.
 const CORRELATED: f64 = 2.0;
 /// Standard deviation of a feature that is found in another camera's picture, pixels.
-const FOUND_SIGMA_PX: f64 = 0.5;
+const FOUND_SIGMA_PX: f64 = 0.25;
 /// Number of independent observations as which the features of one camera in the picture of another count at most.
 const MOST_INDEPENDENT: f64 = 100.0;
+/// Number of standard deviations from which on a residual counts as an outlier's: half as much as others at that distance.
+const OUTLYING: f64 = 2.0;
 /// Least number of features that a camera must share with others. The adjustment does without the surfaces, which join cameras that
 /// share fewer better.
 const LEAST_SHARED: usize = 100;
@@ -71,6 +74,8 @@ pub(super) struct Adjusted {
     pub(super) common_from_camera: Vec<Similarity3<f64>>,
     /// Picked points, by their numbers.
     pub(super) picks: Vec<(usize, Point3<f64>)>,
+    /// The first camera's unit in that of the bundle.
+    pub(super) unit: f64,
 }
 
 /// Searches the features of each capture's reference frame in the reference pictures of the others.
@@ -113,7 +118,7 @@ pub(super) fn are_enough(shared: &[SharedFeature], cameras: usize) -> bool {
 
 impl CaptureMotion<'_> {
     /// Indices of the points seen by the reference frame, and their pixels in the pinhole picture.
-    fn in_reference(&self, surface: &Surface) -> (Vec<usize>, Vec<Point2<f64>>) {
+    pub(super) fn in_reference(&self, surface: &Surface) -> (Vec<usize>, Vec<Point2<f64>>) {
         let pixel = |(index, point): (usize, &SparsePoint)| {
             let (_, pixel) = point.observations.iter().find(|(frame, _)| *frame == self.reference)?;
             let pinhole = surface.intrinsics.project(&self.lens.unproject(pixel)?.into())?;
@@ -150,70 +155,44 @@ impl CaptureMotion<'_> {
     }
 }
 
-/// The adjustment while it is put together.
-struct JointBundle<'a> {
-    motions: &'a [CaptureMotion<'a>],
+/// All captures in one bundle.
+pub(crate) struct JointBundle<'a> {
+    pub(super) motions: &'a [CaptureMotion<'a>],
     /// Pinhole intrinsics of each reference picture.
     pinholes: Vec<&'a Intrinsics>,
     /// Standard deviation of each capture's features, pixels.
-    feature_sigma_px: Vec<f64>,
-    state: BundleState,
-    observations: Vec<Vec<Observation>>,
+    pub(super) feature_sigma_px: Vec<f64>,
+    pub(super) state: BundleState,
+    pub(super) problem: BundleProblem,
     /// Index of the pose of each capture's reference frame.
     references: Vec<usize>,
+    /// Scale of each capture at the start.
+    start_scales: Vec<f64>,
     /// Index of the pose of each capture's frames.
     pose_of: Vec<Vec<Option<usize>>>,
     /// Index of the point of each capture's features.
-    point_of: Vec<Vec<Option<usize>>>,
+    pub(super) point_of: Vec<Vec<Option<usize>>>,
+    /// Number of each pick, and the index of its point.
+    picks: Vec<(usize, usize)>,
 }
 
 /// Adjusts all captures from `start` on. The first camera keeps its frame and its scale. `pick_sigma_px`: standard deviation
 /// of a pick by hand.
-pub(super) fn adjust(
-    motions: &[CaptureMotion<'_>],
-    surfaces: &[Surface],
+pub(super) fn adjust<'a>(
+    motions: &'a [CaptureMotion<'a>],
+    surfaces: &'a [Surface],
     start: &Merged,
     (picks, pick_sigma_px): (&[LiftedPick], f64),
     shared: &[SharedFeature],
-) -> Adjusted {
+) -> JointBundle<'a> {
     let pinholes = surfaces.iter().map(|surface| &surface.intrinsics).collect();
     let mut bundle = JointBundle::new(motions, pinholes, &start.common_from_camera);
     for feature in shared {
         bundle.share(feature);
     }
-    let points = bundle.pick(picks, start, pick_sigma_px);
-    let problem = BundleProblem { observations: bundle.observations, options: BundleOptions::default() };
-    let mut state = bundle.state;
-    let report = problem.adjust(&mut state);
-    tracing::debug!(
-        "{} key frames, {} points, {} features shared, noise {:.3?} px: {report:?}",
-        state.poses.len(),
-        state.points.len(),
-        shared.len(),
-        bundle.feature_sigma_px
-    );
-    let camera = |capture: usize| {
-        let pose = state.poses[bundle.references[capture]];
-        let old_z = |feature: usize| motions[capture].points[feature].position.z;
-        let features = bundle.point_of[capture].iter().enumerate();
-        let stretched = features.filter_map(|(feature, point)| {
-            let (now, before) = ((pose * state.points[(*point)?]).z, old_z(feature));
-            (now > 0.0 && before > 0.0).then(|| now / before)
-        });
-        let scale = median(stretched.collect()).unwrap_or(start.common_from_camera[capture].scaling());
-        let back = pose.inverse();
-        Similarity3::from_parts(back.translation, back.rotation, scale)
-    };
-    let moved: Vec<Similarity3<f64>> = (0..motions.len()).map(camera).collect();
-    let unit = moved[0].scaling();
-    let in_unit = |s: &Similarity3<f64>| {
-        let shift = s.isometry.translation.vector / unit;
-        Similarity3::from_parts(shift.into(), s.isometry.rotation, s.scaling() / unit)
-    };
-    Adjusted {
-        common_from_camera: moved.iter().map(in_unit).collect(),
-        picks: points.iter().map(|(number, point)| (*number, state.points[*point] / unit)).collect(),
-    }
+    bundle.pick(picks, start, pick_sigma_px);
+    bundle.minimise();
+    bundle
 }
 
 impl<'a> JointBundle<'a> {
@@ -225,17 +204,25 @@ impl<'a> JointBundle<'a> {
     ) -> Self {
         let focal = motions[0].lens.fx;
         let intrinsics = Intrinsics { fx: focal, fy: focal, ..motions[0].lens.pinhole() };
-        let feature_sigma_px = motions.iter().map(|motion| CORRELATED * motion.noise_px()).collect();
+        let feature_sigma_px: Vec<f64> =
+            motions.iter().map(|motion| CORRELATED * motion.noise_px()).collect();
+        let loss = Loss::Cauchy(OUTLYING * feature_sigma_px[0]);
         let state = BundleState { intrinsics, poses: Vec::new(), points: Vec::new() };
         let mut bundle = Self {
             motions,
             pinholes,
             feature_sigma_px,
             state,
-            observations: Vec::new(),
+            problem: BundleProblem {
+                observations: Vec::new(),
+                on_plane: Vec::new(),
+                options: BundleOptions { loss, ..BundleOptions::default() },
+            },
             references: Vec::new(),
+            start_scales: start.iter().map(Similarity3::scaling).collect(),
             pose_of: Vec::new(),
             point_of: Vec::new(),
+            picks: Vec::new(),
         };
         for (capture, (motion, common)) in motions.iter().zip(start).enumerate() {
             bundle.references.push(bundle.state.poses.len());
@@ -260,9 +247,54 @@ impl<'a> JointBundle<'a> {
         bundle
     }
 
+    /// Pose of a capture's reference frame.
+    pub(super) fn reference_pose(&self, capture: usize) -> &Isometry3<f64> {
+        &self.state.poses[self.references[capture]]
+    }
+
+    /// Minimises the residuals from the present state on.
+    pub(super) fn minimise(&mut self) {
+        let report = self.problem.adjust(&mut self.state);
+        tracing::debug!(
+            "{} key frames, {} points, noise {:.3?} px: {report:?}",
+            self.state.poses.len(),
+            self.state.points.len(),
+            self.feature_sigma_px
+        );
+    }
+
+    /// Cameras and picks as they are now.
+    pub(super) fn adjusted(&self) -> Adjusted {
+        let first = self.state.poses[self.references[0]];
+        let camera = |capture: usize| {
+            let pose = self.state.poses[self.references[capture]];
+            let old_z = |feature: usize| self.motions[capture].points[feature].position.z;
+            let features = self.point_of[capture].iter().enumerate();
+            let stretched = features.filter_map(|(feature, point)| {
+                let (now, before) = ((pose * self.state.points[(*point)?]).z, old_z(feature));
+                (now > 0.0 && before > 0.0).then(|| now / before)
+            });
+            let scale = median(stretched.collect()).unwrap_or(self.start_scales[capture]);
+            let back = first * pose.inverse();
+            Similarity3::from_parts(back.translation, back.rotation, scale)
+        };
+        let moved: Vec<Similarity3<f64>> = (0..self.motions.len()).map(camera).collect();
+        let unit = moved[0].scaling();
+        let in_unit = |s: &Similarity3<f64>| {
+            let shift = s.isometry.translation.vector / unit;
+            Similarity3::from_parts(shift.into(), s.isometry.rotation, s.scaling() / unit)
+        };
+        let place = |point: usize| (first * self.state.points[point]) / unit;
+        Adjusted {
+            common_from_camera: moved.iter().map(in_unit).collect(),
+            picks: self.picks.iter().map(|(number, point)| (*number, place(*point))).collect(),
+            unit,
+        }
+    }
+
     fn add(&mut self, place: Point3<f64>, seen: Vec<Observation>) -> usize {
         self.state.points.push(place);
-        self.observations.push(seen);
+        self.problem.observations.push(seen);
         self.state.points.len() - 1
     }
 
@@ -304,14 +336,13 @@ impl<'a> JointBundle<'a> {
         let sigma_px = FOUND_SIGMA_PX / shared.share.sqrt();
         let Some(seen) = self.in_reference(shared.camera, &shared.pixel, sigma_px) else { return };
         if self.state.error_px(point, &seen) < FARTHEST_PX {
-            self.observations[point].push(seen);
+            self.problem.observations[point].push(seen);
         }
     }
 
-    /// Adds picks; returns the number of each point with the point's index here. Beside the point where the rays of a pick meet
-    /// stand its patches, one for each camera in whose frames the patch was registered.
-    fn pick(&mut self, picks: &[LiftedPick], start: &Merged, sigma_px: f64) -> Vec<(usize, usize)> {
-        let mut added = Vec::new();
+    /// Adds picks. Beside the point where the rays of a pick meet stand its patches, one for each camera in whose frames the
+    /// patch was registered.
+    fn pick(&mut self, picks: &[LiftedPick], start: &Merged, sigma_px: f64) {
         for (number, place) in start.points.iter().enumerate() {
             let of_point: Vec<&LiftedPick> = picks.iter().filter(|pick| pick.point == number).collect();
             let Some(place) = place.filter(|_| of_point.len() > 1) else { continue };
@@ -336,9 +367,9 @@ impl<'a> JointBundle<'a> {
             }
             let rays = of_point.iter().filter_map(|p| self.in_reference(p.camera, &p.pixel, sigma_px));
             let rays = rays.collect();
-            added.push((number, self.add(place, rays)));
+            let point = self.add(place, rays);
+            self.picks.push((number, point));
         }
-        added
     }
 }
 

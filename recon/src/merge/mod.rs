@@ -6,10 +6,12 @@
 //! camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks project onto
 //! their pixels, common surfaces of cameras coincide, and the vertical is the same for all. With known relative poses
 //! more correspondences are found between the pictures ([`crate::proposals`]), and the refinement is repeated with
-//! them. Last, all captures are adjusted together, key frame by key frame ([`adjustment`]).
+//! them. Last, all captures are adjusted together, key frame by key frame ([`adjustment`]), and once more with their
+//! features on the floor in one plane ([`on_floor`]).
 
 mod adjustment;
 mod graph;
+mod on_floor;
 mod overlap;
 mod refine;
 #[cfg(test)]
@@ -18,6 +20,7 @@ mod tests;
 use nalgebra::{Isometry3, Point2, Point3, Similarity3};
 use serde::{Deserialize, Serialize};
 
+use crate::floor::Plane;
 use crate::plumb::Plumb;
 use crate::project::Project;
 use crate::proposals;
@@ -25,6 +28,7 @@ use crate::ray_depth::{MeasuredPixel, RayMeasurement};
 use crate::surface::Surface;
 use crate::{Error, Result};
 pub use adjustment::CaptureMotion;
+use adjustment::JointBundle;
 
 /// Options of joining cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -163,45 +167,81 @@ pub(crate) struct MergedCaptures<'a> {
     pub(crate) measured: &'a [Vec<MeasuredPixel>],
 }
 
-/// Adjusts all captures together from where they were merged. Where they share too few features, or where
-/// the adjustment contradicts the picks, they stay as they are.
+/// Cameras whose captures were adjusted together.
+pub(crate) struct AdjustedCaptures<'a> {
+    bundle: JointBundle<'a>,
+    surfaces: &'a [Surface],
+    picks: Vec<LiftedPick>,
+    pub(crate) merged: Merged,
+    pub(crate) report: MergeReport,
+}
+
+/// Adjusts all captures together from where they were merged. `None` where they share too few features, or where the adjustment
+/// contradicts the picks.
 ///
 /// # Errors
 /// [`Error::Calib`] when OpenCV refuses.
-pub(crate) fn adjust(
+pub(crate) fn adjust<'a>(
     project: &Project,
-    captures: &MergedCaptures<'_>,
-    (merged, report): (Merged, MergeReport),
+    captures: &MergedCaptures<'a>,
+    (merged, report): (&Merged, &MergeReport),
     options: &MergeOptions,
-) -> Result<(Merged, MergeReport)> {
+) -> Result<Option<AdjustedCaptures<'a>>> {
     let MergedCaptures { motions, surfaces, lenses, measured } = *captures;
     let start = &merged.common_from_camera;
     if start.len() < 2 || motions.len() < start.len() {
-        return Ok((merged, report));
+        return Ok(None);
     }
     let mut picks = lift(project, surfaces, lenses, measured, options)?;
     picks.retain(|pick| !report.is_left_out(pick.point + 1));
     let shared = adjustment::shared_features(motions, surfaces, start)?;
     if !adjustment::are_enough(&shared, start.len()) {
-        return Ok((merged, report));
+        return Ok(None);
     }
-    let adjusted = adjustment::adjust(motions, surfaces, &merged, (&picks, options.pick_sigma_px), &shared);
-    let mut points: Vec<Option<Point3<f64>>> = vec![None; project.points.len()];
-    for (number, place) in adjusted.picks {
-        points[number] = Some(place);
+    let bundle = adjustment::adjust(motions, surfaces, merged, (&picks, options.pick_sigma_px), &shared);
+    let report = MergeReport { shared_features: shared.len(), ..report.clone() };
+    let mut merged = merged.clone();
+    merged.points.truncate(project.points.len());
+    Ok(AdjustedCaptures { bundle, surfaces, picks, merged, report }.taken())
+}
+
+impl AdjustedCaptures<'_> {
+    /// The same with the bundle's cameras. `None` where they spoil the fit of the picks.
+    fn taken(self) -> Option<Self> {
+        let adjusted = self.bundle.adjusted();
+        let mut points = vec![None; self.merged.points.len()];
+        for (number, place) in adjusted.picks {
+            points[number] = Some(place);
+        }
+        let merged = Merged { common_from_camera: adjusted.common_from_camera, points };
+        let misfits_px: Vec<(usize, usize, f64)> = self
+            .picks
+            .iter()
+            .filter_map(|pick| Some((pick.point + 1, pick.camera, merged.misfit_px(pick, self.surfaces)?)))
+            .collect();
+        let squares: f64 = misfits_px.iter().map(|(.., off)| off * off).sum();
+        let pick_rms_px = (squares / misfits_px.len().max(1) as f64).sqrt();
+        if !pick_rms_px.is_finite() || spoils(pick_rms_px, self.report.pick_rms_px) {
+            tracing::debug!(
+                "the adjustment moves the picks from {} to {pick_rms_px} px",
+                self.report.pick_rms_px
+            );
+            return None;
+        }
+        let report = MergeReport { pick_rms_px, misfits_px, ..self.report };
+        Some(Self { merged, report, ..self })
     }
-    let joined = Merged { common_from_camera: adjusted.common_from_camera, points };
-    let misfits_px: Vec<(usize, usize, f64)> = picks
-        .iter()
-        .filter_map(|pick| Some((pick.point + 1, pick.camera, joined.misfit_px(pick, surfaces)?)))
-        .collect();
-    let squares: f64 = misfits_px.iter().map(|(.., off)| off * off).sum();
-    let pick_rms_px = (squares / misfits_px.len().max(1) as f64).sqrt();
-    if !pick_rms_px.is_finite() || spoils(pick_rms_px, report.pick_rms_px) {
-        tracing::debug!("the adjustment moves the picks from {} to {pick_rms_px} px", report.pick_rms_px);
-        return Ok((merged, report));
+
+    /// Adjusts once more with the features on the floor in one plane, and returns that plane in the common frame. `None` where few
+    /// are there, or where that contradicts the picks.
+    pub(crate) fn on_floor(mut self, floor: &Plane) -> Option<(Self, Plane)> {
+        if !self.bundle.lay_on(floor, self.surfaces) {
+            return None;
+        }
+        let laid = self.taken()?;
+        let floor = laid.bundle.floor();
+        Some((laid, floor))
     }
-    Ok((joined, MergeReport { pick_rms_px, misfits_px, shared_features: shared.len(), ..report }))
 }
 
 /// Tells whether a further constraint spoils the fit of the picks: root mean square distances with it and without it,

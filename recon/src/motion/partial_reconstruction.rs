@@ -207,7 +207,7 @@ impl<'a> PartialReconstruction<'a> {
             points: Vec::new(),
         };
         let options = BundleOptions { loss: how.loss, lens: how.lens, solver: how.solver };
-        let mut problem = BundleProblem { observations: Vec::new(), options };
+        let mut problem = BundleProblem { observations: Vec::new(), on_plane: Vec::new(), options };
         let mut tracks = Vec::new();
         for (index, (track, point)) in self.tracks.iter().zip(&self.points).enumerate() {
             let Some(point) = point else { continue };

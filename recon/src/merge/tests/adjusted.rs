@@ -6,10 +6,11 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
-use super::super::adjustment::{Adjusted, CaptureMotion, SharedFeature, adjust};
+use super::super::adjustment::{Adjusted, CaptureMotion, JointBundle, SharedFeature, adjust};
 use super::super::{LiftedPick, Merged};
 use super::boxes::Boxes;
 use super::{HALF, UNITS, lens, poses, surface};
+use crate::floor::Plane;
 use crate::motion::SparsePoint;
 use crate::surface::Surface;
 
@@ -123,6 +124,11 @@ impl Joined {
     }
 
     fn adjusted(&self) -> Adjusted {
+        self.with_bundle(|bundle| bundle.adjusted())
+    }
+
+    /// Result of `then` with the adjusted captures.
+    fn with_bundle<T>(&self, then: impl FnOnce(&mut JointBundle<'_>) -> T) -> T {
         let lens = lens();
         let motions = [0, 1].map(|camera| {
             let Filmed { camera_from_world, points, .. } = &self.filmed[camera];
@@ -131,7 +137,7 @@ impl Joined {
         let first = self.picks.iter().filter(|pick| pick.camera == 0);
         let points = first.map(|pick| pick.seen).collect();
         let start = Merged { common_from_camera: self.start.clone(), points };
-        adjust(&motions, &self.surfaces, &start, (&self.picks, PICK_PX), &self.shared)
+        then(&mut adjust(&motions, &self.surfaces, &start, (&self.picks, PICK_PX), &self.shared))
     }
 }
 
@@ -224,4 +230,46 @@ fn a_picked_point_behind_its_camera_does_not_fit() {
     assert!(misfit_px(Some(Point3::new(0.0, 0.0, 2.0))).is_some_and(f64::is_finite));
     assert_eq!(misfit_px(Some(Point3::new(0.0, 0.0, -2.0))), Some(f64::INFINITY));
     assert_eq!(misfit_px(None), None);
+}
+
+/// Height of the first camera, as a share of the distance between the two.
+fn height_share(plane: &Plane, common_from_camera: &[Similarity3<f64>]) -> f64 {
+    plane.height(&Point3::origin()) / common_from_camera[1].isometry.translation.vector.norm()
+}
+
+#[test]
+fn features_on_the_floor_tell_it_where_surfaces_are_off() {
+    let truth = poses()[0];
+    let up = truth.rotation * Vector3::z();
+    let height_m = (truth.inverse() * Point3::origin()).z + HALF.z;
+    let apart_m = (truth * poses()[1].inverse()).translation.vector.norm();
+    for (bends, tilt_deg) in [([0.0, 0.0], 0.0), ([0.01, -0.015], 0.2), ([0.0, 0.0], -0.2)] {
+        let joined = Joined::new(bends, 12, true);
+        let (before, floor, after) = joined.with_bundle(|bundle| {
+            let before = bundle.adjusted();
+            // The floor by the surfaces leans, and lies 6 mm too low.
+            let turn = UnitQuaternion::new(truth.rotation * Vector3::x() * f64::to_radians(tilt_deg));
+            let unit_m = apart_m / before.common_from_camera[1].isometry.translation.vector.norm();
+            let start = Plane { normal: turn * up, distance: -(height_m + 0.006) / unit_m };
+            assert!(bundle.lay_on(&start, &joined.surfaces));
+            (before, bundle.floor(), bundle.adjusted())
+        });
+        let tilt_deg = floor.normal.angle(&up).to_degrees();
+        let share = height_share(&floor, &after.common_from_camera) / (height_m / apart_m) - 1.0;
+        assert!(tilt_deg < 0.08 && share.abs() < 0.0015, "{bends:?}: {tilt_deg}° {share}");
+        let (before, after) = (errors(&before.common_from_camera), errors(&after.common_from_camera));
+        assert!(after.0 < before.0 + 2e-4 && after.1 < before.1 + 0.01, "{bends:?}: {before:?} {after:?}");
+    }
+}
+
+#[test]
+fn a_floor_that_few_features_show_is_left_to_the_surfaces() {
+    let joined = Joined::new([0.0, 0.0], 12, true);
+    joined.with_bundle(|bundle| {
+        let before = bundle.adjusted().common_from_camera;
+        // A plane halfway up has none.
+        let up = poses()[0].rotation * Vector3::z();
+        assert!(!bundle.lay_on(&Plane { normal: up, distance: -0.5 }, &joined.surfaces));
+        assert_eq!(bundle.adjusted().common_from_camera, before);
+    });
 }
