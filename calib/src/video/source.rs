@@ -196,14 +196,12 @@ impl FrameSource {
         (self.width, self.height)
     }
 
-    /// Width and height of the frame that was decoded last, upright, pixels; before the first frame, those of the
-    /// first.
+    /// Width and height of the frame that was decoded last, or is to be the first, upright, pixels.
     pub fn frame_size(&self) -> (u32, u32) {
         self.frame_size
     }
 
-    /// Times of the frame that was read, decoded or skipped last; before the first frame, those of opening the
-    /// source.
+    /// Times of the frame that was read, decoded or skipped last; before the first one, those of opening the source.
     pub fn stamp(&self) -> FrameStamp {
         self.stamp
     }
@@ -213,8 +211,7 @@ impl FrameSource {
         self.rate
     }
 
-    /// Frames per second on average, where a film's container states it: less than [`rate`](Self::rate) where frames were
-    /// lost, or come at an uneven rate.
+    /// Mean number of frames per second, where a film's container states it: below [`rate`](Self::rate) where frames are lost.
     pub fn mean_rate(&self) -> Option<f64> {
         match &self.pictures {
             PictureReader::Video(decoder) => decoder.mean_rate_hz(),

@@ -253,7 +253,7 @@ fn a_line_in_a_door_is_crossed_by_who_is_first_or_last_seen_behind_it() {
         words(&crossed.collect::<Vec<_>>())
     };
     let walking = |from: f64, speed: f64| {
-        let mut lines = walk(6.0, |t| (t >= 1.0 && t < 4.0).then_some((from + speed * (t - 1.0), 0.0)));
+        let mut lines = walk(6.0, |t| (1.0..4.0).contains(&t).then_some((from + speed * (t - 1.0), 0.0)));
         for person in lines.iter_mut().flat_map(|line| &mut line.people) {
             person.vx = speed;
         }
