@@ -139,6 +139,7 @@ impl Output for LiveDrawer {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
+        LiveDrawer::finish(&self);
         Ok(())
     }
 }

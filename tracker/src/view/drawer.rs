@@ -4,11 +4,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use super::Screens;
 use crate::PersonEstimate;
 use crate::film::{FilmOptions, Painted, Painter, Shot};
 use crate::prepared_room::PreparedRoom;
+
+/// Longest time for which the end of a run waits for the moment that is being drawn.
+const LAST_DRAWN: Duration = Duration::from_secs(2);
+/// Interval of looks at whether it is done.
+const LOOKED_EVERY: Duration = Duration::from_millis(5);
 
 /// Drawer that draws a moment for all screens when a viewer waits for one, on a thread of its own; moments that arrive
 /// during that time are skipped.
@@ -62,6 +68,15 @@ impl LiveDrawer {
         let scene = DrawJob { frame, time_s, shots, people: people.to_vec() };
         // The channel has room for the moment of an idle drawer; one that has failed takes none.
         let _ = self.scenes.try_send(scene);
+    }
+
+    /// Waits for the moment that is being drawn, for at most two seconds: on a busy machine, where the drawer yields to the
+    /// tracker, viewers of a short run would see none.
+    pub fn finish(&self) {
+        let until = Instant::now() + LAST_DRAWN;
+        while !self.is_free.load(Ordering::Acquire) && Instant::now() < until {
+            thread::sleep(LOOKED_EVERY);
+        }
     }
 }
 

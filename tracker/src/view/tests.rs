@@ -269,8 +269,12 @@ fn only_awaited_pictures_are_drawn() {
         let off = pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / drawn.as_raw().len() as f64;
         assert!(off < 3.0, "camera {camera} is off by {off} levels");
     }
+    // The end of a run waits for the moment in work.
+    drawer.finish();
+    drawer.offer(101, 4.1, &[], || [20, 40].map(shot).into());
+    drawer.finish();
     drop(somebody);
-    drawer.offer(101, 4.1, &[], nothing);
+    drawer.offer(102, 4.2, &[], nothing);
     let number = screens.look(|now| now.number);
-    assert_eq!(number, 3, "two moments were drawn");
+    assert_eq!(number, 4, "three moments were drawn");
 }
