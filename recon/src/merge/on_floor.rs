@@ -9,7 +9,7 @@
 //! board says what that unit is in metres and nothing else, so it is taken from the adjusted bundle ([`crate::scale`]), exactly
 //! as if it had been one of its residuals.
 
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3, Vector3};
 use scenes::geometry::vector_from_vec3;
 
 use super::adjustment::JointBundle;
@@ -33,7 +33,7 @@ impl JointBundle<'_> {
         let first = self.state.poses[0];
         let plane = Plane { normal: floor.normal, distance: floor.distance * unit };
         // The first camera's frame is the common one.
-        let level_from_world = floor::world_frame(&plane, &nalgebra::Isometry3::identity()) * first;
+        let level_from_world = floor::world_frame(&plane, &Isometry3::identity()) * first;
         let height = plane.height(&Point3::origin());
         let precision = (self.feature_sigma_px[0] / (UNEVEN * height)).powi(2);
         let mut on_plane = vec![0.0; self.state.points.len()];
@@ -70,7 +70,7 @@ impl JointBundle<'_> {
     /// The floor in the first camera's frame and unit, after the captures were laid on it.
     pub(super) fn floor(&self) -> Plane {
         let first = self.state.poses[0];
-        let normal = first.rotation * nalgebra::Vector3::z();
+        let normal = first.rotation * Vector3::z();
         Plane { normal, distance: normal.dot(&first.translation.vector) / self.adjusted().unit }
     }
 }

@@ -113,7 +113,7 @@ fn pairs<'a>(truths: &'a [TrueEvent], events: &[&'a Event]) -> Vec<(&'a TrueEven
     for (i, truth) in truths.iter().enumerate() {
         let is_near = |e: &Event| {
             let at = e.x.zip(e.y).map(|(x, y)| Point2::new(x, y));
-            at.is_some_and(|at| (at - truth.at).norm() <= WITHIN_M)
+            at.is_some_and(|at| (at - truth.position).norm() <= WITHIN_M)
         };
         let is_pair = |e: &Event| {
             e.place.as_deref() == Some(&truth.place) && e.direction == truth.direction && is_near(e)

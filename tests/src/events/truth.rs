@@ -25,14 +25,15 @@ pub struct TrueEvent {
     /// Time at which the path is on the border, seconds.
     pub time_s: f64,
     /// Position at that time, metres.
-    pub at: Point2<f64>,
+    pub position: Point2<f64>,
     /// Duration of the stay, for [`EventKind::Leave`].
     pub seconds: Option<f64>,
 }
 
 /// Events of the paths, at the zones, regions and lines of the room, by time. A border is passed by who comes at least
 /// `margin_m` beyond it; a line, between places so far from its free ends, or so far beyond them where `with_ends`.
-/// Who is there when the recording ends, at `end_s`, has not left, and has passed what they are `margin_m` beyond.
+/// People who are in the room when the recording ends, at `end_s`, have not left; they have passed the borders that they are
+/// `margin_m` beyond by then.
 pub fn true_events(
     room: &Room,
     paths: &[TruePath],
@@ -79,12 +80,12 @@ fn stays(
     end_s: f64,
     margin_m: f64,
 ) {
-    let event = |kind, (time_s, at): Sample, seconds| TrueEvent {
+    let event = |kind, (time_s, position): Sample, seconds| TrueEvent {
         kind,
         place: name.to_owned(),
         direction: None,
         time_s,
-        at,
+        position,
         seconds,
     };
     let depth_m = |place: &Point2<f64>| {
@@ -132,9 +133,16 @@ fn crossings(events: &mut Vec<TrueEvent>, path: &TruePath, line: &Line, end_s: f
     let (mut net, mut latest): (i32, [Option<Sample>; 2]) = (0, [None; 2]);
     let mut settle = |net: &mut i32, latest: &[Option<Sample>; 2]| {
         let direction = if *net > 0 { Direction::In } else { Direction::Out };
-        if let Some((time_s, at)) = latest[usize::from(*net > 0)].filter(|_| *net != 0) {
+        if let Some((time_s, position)) = latest[usize::from(*net > 0)].filter(|_| *net != 0) {
             let (kind, place) = (EventKind::Cross, line.name.clone());
-            events.push(TrueEvent { kind, place, direction: Some(direction), time_s, at, seconds: None });
+            events.push(TrueEvent {
+                kind,
+                place,
+                direction: Some(direction),
+                time_s,
+                position,
+                seconds: None,
+            });
         }
         *net = 0;
     };

@@ -12,10 +12,19 @@ use super::passing::{Crossed, Crossings, Decision, Fix, Stay};
 use super::{Clock, Direction, Event, EventKind, EventOptions};
 use crate::TrackId;
 
-/// Longest time for which somebody walks unseen in the zone where they are first or last seen, seconds.
+/// Longest time for which a person walks unseen in a zone, before the first fix or after the last one, seconds.
 const UNSEEN_S: f64 = 1.0;
-/// Steps of that time.
+/// Number of steps in which that time is searched for the zone's border.
 const UNSEEN_STEPS: u32 = 20;
+
+/// Part of a person's path that no fix shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum UnseenPart {
+    /// Before the first fix.
+    Arrival,
+    /// After the last fix.
+    Departure,
+}
 
 /// Detector of a run's events: a pure state machine over the lines of `tracks.jsonl`.
 ///
@@ -200,7 +209,7 @@ impl Events {
                 continue;
             }
             let mut ending = Vec::new();
-            let left_at = self.walked_on(&visit.last, &visit.velocity, 1.0);
+            let left_at = self.zone_border(UnseenPart::Departure, &visit.last, &visit.velocity);
             for (crossings, line) in visit.crossings.iter().zip(&self.lines) {
                 let mut crossings = crossings.clone();
                 let unseen = left_at.and_then(|fix| crossings.step(line, &fix, &self.options));
@@ -220,7 +229,7 @@ impl Events {
     }
 
     fn new_visit(&self, fix: &Fix, velocity: &Vector2<f64>) -> Visit {
-        let came_from = self.walked_on(fix, velocity, -1.0).unwrap_or(*fix);
+        let came_from = self.zone_border(UnseenPart::Arrival, fix, velocity).unwrap_or(*fix);
         Visit {
             first: *fix,
             last: *fix,
@@ -232,16 +241,20 @@ impl Events {
         }
     }
 
-    /// Position on the border of a zone of somebody who walks on there unseen after a fix (`sign` 1), to leave, or before it
-    /// (−1), having come in: lines may lie between. `None` in no such zone.
-    fn walked_on(&self, fix: &Fix, velocity: &Vector2<f64>, sign: f64) -> Option<Fix> {
-        let other_way = if sign > 0.0 { ZoneKind::Entry } else { ZoneKind::Exit };
-        let zone = self.zone_at(fix).filter(|zone| zone.kind != other_way)?;
+    /// Position of a person where an unseen part of their path meets the border of the zone around a fix, at the fix's velocity:
+    /// where they came in, or leave. Lines may lie between. `None` away from zones that people use this way.
+    fn zone_border(&self, part: UnseenPart, fix: &Fix, velocity: &Vector2<f64>) -> Option<Fix> {
+        let (sign, unused) = match part {
+            UnseenPart::Arrival => (-1.0, ZoneKind::Exit),
+            UnseenPart::Departure => (1.0, ZoneKind::Entry),
+        };
+        let zone = self.zone_at(fix).filter(|zone| zone.kind != unused)?;
         let steps = (1..=UNSEEN_STEPS).rev();
         let times = steps.map(|step| sign * UNSEEN_S * f64::from(step) / f64::from(UNSEEN_STEPS));
         let mut places = times.map(|after_s| (fix.time_s + after_s, fix.place + velocity * after_s));
         let (time_s, place) = places.find(|(_, place)| zone.polygon.contains(place))?;
-        Some(Fix { time_s: time_s.max(0.0), place, ..*fix })
+        // Nothing happens before the run, or after the line that tells it.
+        Some(Fix { time_s: time_s.max(0.0).min(self.now_s), place, ..*fix })
     }
 
     /// Zone of a place at which a track begins or ends: the one around it, or one whose border is near.

@@ -213,7 +213,12 @@ fn the_number_of_threads_changes_nothing() {
     let joined = Joined::new([0.01, 0.0], 12, true);
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| joined.adjusted().common_from_camera)
+        let both = |bundle: &mut JointBundle<'_>| {
+            let before = bundle.adjusted();
+            assert!(bundle.lay_on(&floor_of_surfaces(&before, 0.1, 0.004), &joined.surfaces));
+            (before.common_from_camera, bundle.adjusted().common_from_camera)
+        };
+        pool.install(|| joined.with_bundle(both))
     };
     assert_eq!(with(1), with(3));
 }
@@ -232,6 +237,16 @@ fn a_picked_point_behind_its_camera_does_not_fit() {
     assert_eq!(misfit_px(None), None);
 }
 
+/// Floor of the room as surfaces may have it: it leans by `tilt_deg`, and lies `low_m` too low. In the first camera's frame and unit.
+fn floor_of_surfaces(adjusted: &Adjusted, tilt_deg: f64, low_m: f64) -> Plane {
+    let [first, second] = [poses()[0], poses()[1]];
+    let height_m = (first.inverse() * Point3::origin()).z + HALF.z;
+    let apart_m = (first * second.inverse()).translation.vector.norm();
+    let unit_m = apart_m / adjusted.common_from_camera[1].isometry.translation.vector.norm();
+    let turn = UnitQuaternion::new(first.rotation * Vector3::x() * f64::to_radians(tilt_deg));
+    Plane { normal: turn * (first.rotation * Vector3::z()), distance: -(height_m + low_m) / unit_m }
+}
+
 /// Height of the first camera, as a share of the distance between the two.
 fn height_share(plane: &Plane, common_from_camera: &[Similarity3<f64>]) -> f64 {
     plane.height(&Point3::origin()) / common_from_camera[1].isometry.translation.vector.norm()
@@ -247,11 +262,7 @@ fn features_on_the_floor_tell_it_where_surfaces_are_off() {
         let joined = Joined::new(bends, 12, true);
         let (before, floor, after) = joined.with_bundle(|bundle| {
             let before = bundle.adjusted();
-            // The floor by the surfaces leans, and lies 6 mm too low.
-            let turn = UnitQuaternion::new(truth.rotation * Vector3::x() * f64::to_radians(tilt_deg));
-            let unit_m = apart_m / before.common_from_camera[1].isometry.translation.vector.norm();
-            let start = Plane { normal: turn * up, distance: -(height_m + 0.006) / unit_m };
-            assert!(bundle.lay_on(&start, &joined.surfaces));
+            assert!(bundle.lay_on(&floor_of_surfaces(&before, tilt_deg, 0.006), &joined.surfaces));
             (before, bundle.floor(), bundle.adjusted())
         });
         let tilt_deg = floor.normal.angle(&up).to_degrees();

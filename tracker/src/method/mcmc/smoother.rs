@@ -110,21 +110,22 @@ impl FixedLagSmoother {
         let at = self.moments.iter().position(|moment| moment.frame == frame)?;
         self.taken = Some(frame);
         let people = self.moments[at].people.iter();
-        let estimates: Vec<_> = people.filter_map(|person| self.smoothed_estimate(at, person)).collect();
-        // Tracks whose names were exchanged may have got the same one first: it is that of the one who got it earlier.
-        let is_first = |(named_after, estimate): &&(usize, PersonEstimate)| {
-            estimates.iter().all(|(other_after, other)| other.id != estimate.id || other_after >= named_after)
-        };
-        Some(estimates.iter().filter(is_first).map(|(_, estimate)| estimate.clone()).collect())
+        let mut estimates: Vec<_> = people.filter_map(|person| self.smoothed_estimate(at, person)).collect();
+        // After an exchange, two unconfirmed tracks may both be confirmed with the same id: the one that gets it first keeps it.
+        let confirmed: Vec<_> = estimates.iter().map(|(after, estimate)| (estimate.id, *after)).collect();
+        estimates.retain(|(after, estimate)| {
+            confirmed.iter().all(|(id, other_after)| *id != estimate.id || other_after >= after)
+        });
+        Some(estimates.into_iter().map(|(_, estimate)| estimate).collect())
     }
 
-    /// Smoothed estimate of a person in the moment with this index, and the number of moments after which the track got its
-    /// name; `None` if the track is still unconfirmed.
+    /// Smoothed estimate of a person in the moment with this index, and the number of moments until the track is confirmed; `None`
+    /// if it never is.
     fn smoothed_estimate(&self, at: usize, person: &Trace) -> Option<(usize, PersonEstimate)> {
         // The track's successive states, for as long as its key is present without a gap.
         let later = self.moments.range(at..).map_while(|m| m.people.iter().find(|p| p.key == person.key));
         let life: Vec<&Trace> = later.collect();
-        let (named_after, named) = life.iter().enumerate().find(|(_, p)| p.id.is_some())?;
+        let (confirmed_after, named) = life.iter().enumerate().find(|(_, p)| p.id.is_some())?;
         if person.id.is_none() && self.moments[at].people.iter().any(|other| other.id == named.id) {
             // The name was another track's at that time.
             return None;
@@ -143,7 +144,7 @@ impl FixedLagSmoother {
             belief = rts_step(pair[0], pair[1], &belief);
         }
         let confidence = if person.id.is_some() { person.confidence } else { named.confidence };
-        Some((named_after, PersonEstimate { confidence, ..person.estimate(named.id?, &belief) }))
+        Some((confirmed_after, PersonEstimate { confidence, ..person.estimate(named.id?, &belief) }))
     }
 }
 
@@ -283,18 +284,18 @@ mod tests {
     }
 
     #[test]
-    fn no_name_is_reported_twice_in_a_moment() {
+    fn no_id_is_reported_twice_in_a_moment() {
         let motion = Motion::appeared(Vector2::zeros(), &Matrix2::identity(), &MotionOptions::default());
-        let named = |key, id| Trace { key, ..trace(&motion, id, 0.9) };
+        let track = |key, id| Trace { key, ..trace(&motion, id, 0.9) };
         let mut smoother = FixedLagSmoother::default();
-        // Two tracks, confirmed one after the other; their names are those after an exchange between the two confirmations.
-        smoother.push((1, 0.1), LAG_S, vec![named(8, None), named(7, None)], false);
-        smoother.push((2, 0.2), LAG_S, vec![named(8, None), named(7, Some(14))], false);
-        smoother.push((3, 0.3), LAG_S, vec![named(8, Some(14)), named(7, Some(15))], false);
-        let names = |people: Vec<PersonEstimate>| people.iter().map(|p| p.id.0).collect::<Vec<u32>>();
-        assert_eq!(names(smoother.take(1).unwrap()), [14]);
-        assert_eq!(names(smoother.take(2).unwrap()), [14]);
-        assert_eq!(names(smoother.take(3).unwrap()), [14, 15]);
+        // Two tracks, confirmed one after the other; their ids were exchanged between the two confirmations.
+        smoother.push((1, 0.1), LAG_S, vec![track(8, None), track(7, None)], false);
+        smoother.push((2, 0.2), LAG_S, vec![track(8, None), track(7, Some(14))], false);
+        smoother.push((3, 0.3), LAG_S, vec![track(8, Some(14)), track(7, Some(15))], false);
+        let ids = |people: Vec<PersonEstimate>| people.iter().map(|p| p.id.0).collect::<Vec<u32>>();
+        assert_eq!(ids(smoother.take(1).unwrap()), [14]);
+        assert_eq!(ids(smoother.take(2).unwrap()), [14]);
+        assert_eq!(ids(smoother.take(3).unwrap()), [14, 15]);
     }
 
     /// A person out of sight is reported as long as their track goes on; with boxes alone, a track that ends without
