@@ -13,7 +13,7 @@ PREFIX := /usr/local
 FEATURES := --features tracker/zenoh
 
 help:
-	@echo "make demo   reconstruct the office, follow everyone in it, evaluate, write a report (about 5 minutes)"
+	@echo "make demo   reconstruct the office, follow everyone in it, evaluate, write a report (one minute, after about nine of compiling)"
 	@echo "make test   all tests, and how many of them were skipped"
 	@echo "make lint   formatting, clippy, documentation, dependencies where cargo-deny is installed"
 	@echo "make deny   licences, sources and advisories of the dependencies (installs cargo-deny; advisories need the network)"
