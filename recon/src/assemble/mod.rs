@@ -15,6 +15,7 @@ use crate::merge::{self, CaptureMotion, MergeOptions, MergeReport};
 use crate::project::Project;
 use crate::ray_depth::MeasuredPixel;
 use crate::scale::board::Square;
+use crate::scale::{JoinedPictures, Metres};
 use crate::surface::Surface;
 use crate::verdict::RoomEvidence;
 use crate::{Error, Result, scale, verdict};
@@ -67,8 +68,8 @@ pub struct Captures<'a> {
     pub measured: &'a [Vec<MeasuredPixel>],
     /// Normals of the interpretation planes of edges in the pictures, in the reference view's frame; may be empty.
     pub edges: &'a [Vec<Vector3<f64>>],
-    /// The side of the project's calibration board, in its camera's unit, if the metres come from one.
-    pub square: Option<Square>,
+    /// The side of the calibration board of each of the project's lengths, in its camera's unit; may be empty without boards.
+    pub squares: &'a [Option<Square>],
 }
 
 /// Assembles a room. Zones are left empty, reference images unnamed.
@@ -80,7 +81,7 @@ pub fn assemble(
     captures: &Captures<'_>,
     options: &AssembleOptions,
 ) -> Result<(Room, AssembleReport)> {
-    let Captures { surfaces, lenses, measured, square, .. } = *captures;
+    let Captures { surfaces, lenses, measured, squares, .. } = *captures;
     let JoinedCameras { merged, report: merge_report, poses, floor } =
         captures.join_cameras(project, options)?;
     for (point, camera, off) in &merge_report.outliers {
@@ -103,8 +104,11 @@ pub fn assemble(
         Error::Room(problem) => Error::content(&project.path, "floor", problem),
         other => other,
     })?;
-    let metres_per_unit =
-        scale::metres_per_unit(project, surfaces, lenses, measured, square, &merged, &floor)?;
+    let joined = JoinedPictures { project, surfaces, lenses, measured, merged: &merged };
+    let Metres { per_unit: metres_per_unit, lengths } = scale::metres(&joined, squares, &floor)?;
+    let level_from_common = floor::metric(&floor::world_frame(&floor, &poses[0]), metres_per_unit);
+    let (world_from_level, control_points) = scale::control::fit(&joined, &level_from_common)?;
+    let world_from_common = world_from_level * level_from_common;
     let evidence = verdict::evidence::gather(
         project,
         surfaces,
@@ -113,7 +117,7 @@ pub fn assemble(
         (&floor, floor_report.area_share),
         metres_per_unit,
     );
-    let world_from_common = floor::metric(&floor::world_frame(&floor, &poses[0]), metres_per_unit);
+    let evidence = RoomEvidence { lengths, control_points, ..evidence };
     let world_from_camera: Vec<Similarity3<f64>> =
         merged.common_from_camera.iter().map(|s| world_from_common * s).collect();
     let (discs, fusion_report) =

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::capture::ReferenceFrame;
-use crate::project::{PickedPoint, ProjectCamera, Scale};
+use crate::project::{ControlPoint, KnownLength, PickedPoint, ProjectCamera};
 use crate::surface::rendered::Rendering;
 use calib::{Camera, Intrinsics};
 use glam::Vec3;
@@ -35,14 +35,20 @@ fn picks(scene: &RayScene, [a, b]: [&Camera; 2], rng: &mut Pcg64Mcg) -> Vec<Pick
     points
 }
 
-fn project(points: Vec<PickedPoint>, scale: Scale) -> Project {
+fn project(points: Vec<PickedPoint>, length: KnownLength) -> Project {
     let camera = |name: &str| ProjectCamera {
         name: name.into(),
         capture: "unused".into(),
         reference: ReferenceFrame::Last,
         intrinsics: None,
     };
-    Project { path: "room.toml".into(), cameras: vec![camera("a"), camera("b")], points, scale }
+    Project {
+        path: "room.toml".into(),
+        cameras: vec![camera("a"), camera("b")],
+        points,
+        lengths: vec![length],
+        control_points: Vec::new(),
+    }
 }
 
 #[test]
@@ -58,7 +64,7 @@ fn furnished_rooms_come_out_metric_and_upright() {
         let lenses: [Intrinsics; 2] = truth.map(|camera| camera.intrinsics.clone());
         let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
         let height_m = truth[0].center().z;
-        let project = project(points, Scale::Height { camera: 0, height_m });
+        let project = project(points, KnownLength::Height { camera: 0, height_m });
         let captures = Captures {
             motions: &[],
             surfaces: &surfaces,
@@ -66,7 +72,7 @@ fn furnished_rooms_come_out_metric_and_upright() {
             lenses: &lenses,
             measured: &[vec![], vec![]],
             edges: &[],
-            square: None,
+            squares: &[],
         };
         let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
 
@@ -99,7 +105,7 @@ fn a_board_gives_the_metres_in_whichever_camera_it_is_seen() {
     let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(1));
     let by = |camera: usize, square: Option<Square>| {
         let board = "9x6".parse().unwrap();
-        let project = project(points.clone(), Scale::Board { camera, board, square_m: SQUARE_M });
+        let project = project(points.clone(), KnownLength::Board { camera, board, square_m: SQUARE_M });
         let captures = Captures {
             motions: &[],
             surfaces: &surfaces,
@@ -107,7 +113,7 @@ fn a_board_gives_the_metres_in_whichever_camera_it_is_seen() {
             lenses: &lenses,
             measured: &[vec![], vec![]],
             edges: &[],
-            square,
+            squares: &[square],
         };
         assemble(&project, &captures, &AssembleOptions::default())
     };
@@ -145,7 +151,7 @@ fn pictures_hold_what_bent_depths_let_go() {
         let lenses = truth.map(|camera| camera.intrinsics.clone());
         let mut points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
         points.truncate(8);
-        let project = project(points, Scale::Height { camera: 0, height_m: truth[0].center().z });
+        let project = project(points, KnownLength::Height { camera: 0, height_m: truth[0].center().z });
         let expected = truth[0].camera_from_world * truth[1].camera_from_world.inverse();
         for (turn_deg, matches) in turns_deg.iter_mut().zip([0, MergeOptions::default().matches]) {
             let options = MergeOptions { matches, ..MergeOptions::default() };
@@ -187,7 +193,7 @@ fn vertical_lines_in_pictures_level_a_bent_room() {
         let edges =
             truth.map(|camera| (0..1500).map(|k| normal(camera, k % 4 == 0)).collect::<Vec<Vector3<f64>>>());
         let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
-        let project = project(points, Scale::Height { camera: 0, height_m: truth[0].center().z });
+        let project = project(points, KnownLength::Height { camera: 0, height_m: truth[0].center().z });
         for (tilt_deg, edges) in tilts_deg.iter_mut().zip([&[][..], &edges]) {
             let measured = &[vec![], vec![]];
             let captures = Captures {
@@ -197,7 +203,7 @@ fn vertical_lines_in_pictures_level_a_bent_room() {
                 lenses: &lenses,
                 measured,
                 edges,
-                square: None,
+                squares: &[],
             };
             let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
             assert_eq!(report.floor.plumb_captures > 0, !edges.is_empty(), "seed {seed}: {report:?}");
@@ -209,4 +215,99 @@ fn vertical_lines_in_pictures_level_a_bent_room() {
     }
     let [without, with] = tilts_deg;
     assert!(with < 0.9 * without, "{with}° with, {without}° without lines");
+}
+
+/// Pixel of a point of the room in a camera, if it is seen there.
+fn seen(scene: &RayScene, camera: &Camera, place: &Point3<f64>) -> Option<Point2<f64>> {
+    let single = |p: &Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
+    let pixel = camera.project(place).filter(|p| camera.intrinsics.contains(p))?;
+    // A point of a surface is seen until just before it.
+    let before = place + (camera.center() - place).normalize() * 0.02;
+    (!scene.is_blocked(single(&camera.center()), single(&before))).then_some(pixel)
+}
+
+/// Known lengths contradict each other by their errors; three of four outvote one that is wrong, and the room stands in the
+/// coordinates of its control points.
+#[test]
+fn several_lengths_give_the_metres_and_control_points_the_coordinates() {
+    let built = RoomOptions { seed: 2, ..RoomOptions::default() }.build().unwrap();
+    let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
+    let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
+    let surfaces = [(0, 1.9), (1, 0.7)].map(|(i, unit_m)| {
+        Rendering { unit_m, noise: 0.002, holes: 0.0, seed: 2 + i as u64 }.of(&scene, truth[i])
+    });
+    let lenses: [Intrinsics; 2] = truth.map(|camera| camera.intrinsics.clone());
+    let picked = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(2));
+
+    // Places on the floor that one camera sees, and distances between them.
+    let foot = truth[0].center().xy() + (truth[1].center().xy() - truth[0].center().xy()) * 0.5;
+    let floor = (-40..40).flat_map(|x| (-40..40).map(move |y| (0.1 * f64::from(x), 0.1 * f64::from(y))));
+    let floor: Vec<(Point3<f64>, Point2<f64>)> = floor
+        .map(|(x, y)| Point3::new(foot.x + x, foot.y + y, 0.0))
+        .filter_map(|place| Some((place, seen(&scene, truth[0], &place)?)))
+        .collect();
+    let [first, middle, last] = [floor.len() / 8, floor.len() / 2, floor.len() * 7 / 8].map(|i| floor[i]);
+    let distance = |from: (Point3<f64>, Point2<f64>), to: (Point3<f64>, Point2<f64>), stretched: f64| {
+        KnownLength::Distance {
+            camera: 0,
+            from: from.1,
+            to: to.1,
+            metres: stretched * (from.0 - to.0).norm(),
+        }
+    };
+    let lengths = vec![
+        distance(first, middle, 1.0),
+        distance(middle, last, 1.3),
+        distance(first, last, 1.0),
+        KnownLength::Height { camera: 1, height_m: truth[1].center().z },
+    ];
+    // Coordinates of a plan: turned and moved against the room's.
+    let plan = nalgebra::Isometry2::new(Vector2::new(20.0, -4.0), 1.1);
+    let control_points: Vec<ControlPoint> = [first, middle, last]
+        .map(|(place, pixel)| ControlPoint {
+            picks: vec![(0, pixel)],
+            place: plan * place.xy(),
+            height_m: Some(0.0),
+        })
+        .into();
+    let project = Project {
+        lengths,
+        control_points,
+        ..project(picked, KnownLength::Height { camera: 0, height_m: 1.0 })
+    };
+    let captures = Captures {
+        motions: &[],
+        surfaces: &surfaces,
+        key_frame_discs: &[],
+        lenses: &lenses,
+        measured: &[vec![], vec![]],
+        edges: &[],
+        squares: &[],
+    };
+    let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
+    for (found, truth) in room.cameras.iter().zip(truth) {
+        let expected = plan * truth.center().xy();
+        let off_m = (found.camera.center().xy() - expected).norm();
+        assert!(off_m < 0.06, "{off_m} m, {:?}", report.evidence);
+        let heading = |pose: &nalgebra::UnitQuaternion<f64>| (pose.inverse() * Vector3::z()).xy();
+        let expected = plan.rotation * heading(&truth.camera_from_world.rotation);
+        let turn_deg = heading(&found.camera.camera_from_world.rotation).angle(&expected).to_degrees();
+        assert!(turn_deg < 0.6, "{turn_deg}°");
+    }
+    let off: Vec<f64> = report.evidence.lengths.iter().map(|l| l.found_m / l.known_m - 1.0).collect();
+    assert_eq!(off.len(), 5, "four lengths, and the control points' extent");
+    for (i, off) in off.iter().enumerate() {
+        let expected = if i == 1 { 1.0 / 1.3 - 1.0 } else { 0.0 };
+        assert!((off - expected).abs() < 0.012, "length {i}: {off}");
+    }
+    let control = &report.evidence.control_points;
+    assert!(control.len() == 3 && control.iter().all(|point| point.off_m.iter().all(|off| off.abs() < 0.05)));
+
+    // A plan whose y points down is a mirrored one.
+    let mut mirrored = project.clone();
+    for point in &mut mirrored.control_points {
+        point.place.y *= -1.0;
+    }
+    let refused = assemble(&mirrored, &captures, &AssembleOptions::default()).unwrap_err().to_string();
+    assert!(refused.contains("[[control]]") && refused.contains("mirrored"), "{refused}");
 }

@@ -12,7 +12,9 @@ use crate::dense::DenseOptions;
 use crate::memory::MemoryBound;
 use crate::pipeline::{self, BuildOptions, BuildReport};
 use crate::project::Project;
-use crate::verdict::{Light, Verdict};
+use crate::scale::LengthResidual;
+use crate::scale::control::ControlResidual;
+use crate::verdict::{Light, RoomEvidence, Verdict};
 
 /// Build a room directory from a capture project.
 ///
@@ -162,6 +164,7 @@ fn summarise(report: &BuildReport, console: &Console) {
             ));
         }
     }
+    tell_metres(&report.evidence, console);
     // A single camera is not joined to others.
     let picks = if report.cameras.len() > 1 {
         format!("picks to {:.2} px, ", report.pick_rms_px)
@@ -174,4 +177,20 @@ fn summarise(report: &BuildReport, console: &Console) {
         report.discs,
         report.room.display()
     ));
+}
+
+/// Prints how far known lengths and control points are off in the room, a line each. One length alone is as given.
+fn tell_metres(evidence: &RoomEvidence, console: &Console) {
+    if evidence.lengths.len() > 1 {
+        for length in &evidence.lengths {
+            let LengthResidual { name, known_m, found_m, sigma_m } = length;
+            let [off_cm, sigma_cm] = [found_m - known_m, *sigma_m].map(|metres| 100.0 * metres);
+            console.line(&format!("{name}: {known_m:.3} m, {off_cm:+.1} ± {sigma_cm:.1} cm in the room"));
+        }
+    }
+    for ControlResidual { number, off_m, sigma_m } in &evidence.control_points {
+        let off: Vec<String> = off_m.iter().map(|off| format!("{:+.1}", 100.0 * off)).collect();
+        let sigma_cm = 100.0 * sigma_m;
+        console.line(&format!("[[control]] {number}: {} (± {sigma_cm:.1}) cm in the room", off.join(", ")));
+    }
 }

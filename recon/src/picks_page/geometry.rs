@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::merge::{self, MergeOptions};
 use crate::pipeline::ReferenceView;
-use crate::project::{LEAST_SHARED_POINTS, PickedPoint, Project, ProjectCamera, Scale};
+use crate::project::{LEAST_SHARED_POINTS, PickedPoint, Project, ProjectCamera};
 
 /// Nearest and farthest depth of an epipolar line, in shares of the surface's median depth, …
 const NEAREST: f64 = 0.1;
@@ -48,8 +48,13 @@ pub(super) fn join(
         reference: crate::capture::ReferenceFrame::Last,
         intrinsics: None,
     };
-    let scale = Scale::Height { camera: 0, height_m: 1.0 };
-    let project = Project { path: "picks".into(), cameras: views.map(camera).into(), points, scale };
+    let project = Project {
+        path: "picks".into(),
+        cameras: views.map(camera).into(),
+        points,
+        lengths: Vec::new(),
+        control_points: Vec::new(),
+    };
     let surfaces = views.map(|view| view.surface.clone());
     let lenses = views.map(|view| view.surface.intrinsics.clone());
     let options = MergeOptions { align_surfaces: false, matches: 0, ..MergeOptions::default() };

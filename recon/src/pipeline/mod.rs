@@ -8,6 +8,7 @@ mod cache;
 mod camera;
 mod export;
 mod lock;
+mod markings;
 mod options;
 mod output;
 mod posed_capture;
@@ -27,14 +28,13 @@ use image::RgbImage;
 use nalgebra::Point2;
 use rayon::prelude::*;
 use scenes::geometry::Disc;
-use scenes::room::{Markings, Room};
 
 use crate::assemble::{self, Captures};
 use crate::capture::{Capture, CaptureFile};
 use crate::memory::MemoryBound;
 use crate::merge::CaptureMotion;
 use crate::plumb;
-use crate::project::{Project, ProjectCamera};
+use crate::project::{Project, ProjectCamera, scale_place};
 use crate::scale;
 use crate::surface::Surface;
 use crate::verdict::Light;
@@ -76,7 +76,7 @@ pub fn build(
 ) -> Result<BuildReport> {
     options.check()?;
     let mut project = Project::read_to_build(project_file)?;
-    let markings = options.zones.as_deref().map(scenes::room::read_markings).transpose()?;
+    let given = options.zones.as_deref().map(scenes::room::read_markings).transpose()?;
     let before = output::check_target(out)?;
     let of = project.cameras.len() * STEPS_A_CAMERA + STEPS_A_ROOM;
     let mut number = 0;
@@ -100,15 +100,17 @@ pub fn build(
         let pixels: Vec<Point2<f64>> = project.pixels_of(index).iter().map(at_once).collect();
         let measured = camera::measure(capture, processed, &pixels);
         let edges = plumb::edges::of_capture(&capture.frames, &processed.lens, &processed.camera_from_world);
-        let square =
-            project.board_of(index).map(|board| scale::board::square(&processed.filmed(capture), board));
-        (capture.reference, measured, edges, square)
+        let squares: Vec<_> = project
+            .boards_of(index)
+            .map(|(length, board)| (length, scale::board::square(&processed.filmed(capture), board)))
+            .collect();
+        (capture.reference, measured, edges, squares)
     };
     let done = process_all(&files, Some(&cache), options, &mut step, &picks)?;
-    let (mut cameras, mut square) = (Vec::with_capacity(done.len()), None);
+    let (mut cameras, mut squares) = (Vec::with_capacity(done.len()), vec![None; project.lengths.len()]);
     let mut figures = Vec::with_capacity(done.len());
     let mut reference_frames = Vec::with_capacity(done.len());
-    for (index, (camera, keys, (reference, depths, lines, board))) in done.into_iter().enumerate() {
+    for (index, (camera, keys, (reference, depths, lines, boards))) in done.into_iter().enumerate() {
         reference_frames.push(reference);
         tracing::debug!("{}: depths at picks {depths:?}", camera.name);
         report.cameras.push(camera.processed.report.clone());
@@ -116,10 +118,12 @@ pub fn build(
         figures.push(camera.processed.report.figures(&camera.processed.lens));
         project.move_pixels(index, &camera.processed.at_once(reference));
         measured.push(depths);
-        if let Some(board) = board {
-            let board = board.map_err(|problem| Error::content(&project.path, "[scale], board", problem))?;
+        for (length, board) in boards {
+            let place = scale_place(length + 1, project.lengths.len());
+            let board =
+                board.map_err(|problem| Error::content(&project.path, format!("{place}, board"), problem))?;
             tracing::info!("{}: the board that gives the metres is seen whole in {board}", camera.name);
-            square = Some(board);
+            squares[length] = Some(board);
         }
         edges.push(lines);
         cameras.push((camera, keys));
@@ -143,14 +147,16 @@ pub fn build(
         lenses: &lenses,
         measured: &measured,
         edges: &edges,
-        square,
+        squares: &squares,
     };
     let (mut room, assembled) = assemble::assemble(&project, &captures, &options.assemble)?;
     report.assembled(&project, &figures, &assembled, start.elapsed());
     for (entry, size) in room.cameras.iter_mut().zip(&sizes) {
         entry.camera.intrinsics = size.filmed_lens(&entry.camera.intrinsics);
     }
-    take_over_markings(&mut room, before, markings);
+    if let Some(moved) = markings::take_over(&mut room, before, given) {
+        report.verdict.note(moved);
+    }
 
     step("writing the room and its previews".into());
     let start = Instant::now();
@@ -287,25 +293,4 @@ fn reading(file: &CaptureFile) -> String {
     let at =
         if size.is_same() { String::new() } else { format!(", at {} × {}", size.worked.0, size.worked.1) };
     format!("{name}: reading the capture{of}{at}")
-}
-
-/// Takes zones, regions, lines, walkable regions and the place on Earth over into a rebuilt room: its coordinates stay the same. Those of a
-/// file come in place of the old ones; a file without regions or lines leaves the old ones.
-fn take_over_markings(room: &mut Room, before: Option<Room>, markings: Option<Markings>) {
-    if let Some(before) = before {
-        room.walkable = before.walkable;
-        room.zones = before.zones;
-        room.regions = before.regions;
-        room.lines = before.lines;
-        room.geo = before.geo;
-    }
-    if let Some(Markings { zones, regions, lines }) = markings {
-        room.zones = zones;
-        if !regions.is_empty() {
-            room.regions = regions;
-        }
-        if !lines.is_empty() {
-            room.lines = lines;
-        }
-    }
 }

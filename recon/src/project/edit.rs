@@ -9,7 +9,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, Value};
 
-use super::tables::{ProjectFile, ScaleTable};
+use super::metres::ScaleTable;
+use super::tables::ProjectFile;
 use crate::{Error, Result};
 
 /// Difference below which pixels are the same: one may have gone to a page and back.
@@ -21,8 +22,8 @@ const SAME_PX: f64 = 1e-6;
 pub struct Picked {
     /// The `[[point]]` tables.
     pub points: Vec<PickedTable>,
-    /// The `[scale]` table; `None` leaves it as it is.
-    pub scale: Option<ScaleTable>,
+    /// The `[scale]` table, or the `[[scale]]` tables; without any they stay as they are.
+    pub scale: Vec<ScaleTable>,
 }
 
 /// One `[[point]]` table.
@@ -81,8 +82,8 @@ pub fn save_picked(
     let file: ProjectFile = calib::files::parse_toml(path, &rewritten)?;
     let cameras = file.cameras(path)?;
     file.points(path, &cameras)?;
-    if file.scale.is_some() {
-        file.scale(path, &cameras)?;
+    if !file.scale.is_empty() {
+        file.lengths(path, &cameras)?;
     }
     if rewritten != text {
         calib::files::write_atomic(path, rewritten.as_bytes())?;
@@ -108,10 +109,7 @@ fn rewritten(text: &str, picked: &Picked) -> std::result::Result<String, String>
     if !after.is_empty() {
         document.insert("point", Item::ArrayOfTables(after));
     }
-    if let Some(scale) = &picked.scale {
-        let table = document.entry("scale").or_insert_with(|| Item::Table(spaced()));
-        set_scale(table.as_table_like_mut().ok_or("`scale` is no table")?, scale)?;
-    }
+    set_scales(&mut document, &picked.scale)?;
     let mut rewritten = document.to_string();
     if !text.ends_with('\n') && rewritten.ends_with('\n') {
         rewritten.pop();
@@ -139,6 +137,54 @@ fn with_picks(old: Option<Table>, picks: &BTreeMap<String, [f64; 2]>) -> Table {
         set(&mut table, camera, pair(pixel));
     }
     table
+}
+
+/// Writes the scales: one as a `[scale]` table, unless there are `[[scale]]` tables already, several as those. The table of a
+/// scale keeps its layout and comments; one that is gone is the last that differs.
+fn set_scales(document: &mut DocumentMut, scales: &[ScaleTable]) -> std::result::Result<(), String> {
+    if scales.is_empty() {
+        return Ok(());
+    }
+    let mut tables = match document.remove("scale") {
+        None if scales.len() == 1 => {
+            let mut table = spaced();
+            set_scale(&mut table, &scales[0])?;
+            document.insert("scale", Item::Table(table));
+            return Ok(());
+        }
+        Some(mut one) if scales.len() == 1 && !one.is_array_of_tables() => {
+            set_scale(one.as_table_like_mut().ok_or("`scale` is no table")?, &scales[0])?;
+            document.insert("scale", one);
+            return Ok(());
+        }
+        None => ArrayOfTables::new(),
+        Some(Item::ArrayOfTables(tables)) => tables,
+        Some(one) => {
+            let table = one
+                .into_table()
+                .map_err(|_| "`scale` is no table; write it as [scale] or as [[scale]] tables")?;
+            ArrayOfTables::from_iter([table])
+        }
+    };
+    let stated = |table: &Table| toml::from_str::<ScaleTable>(&table.to_string()).ok();
+    // Those that are no longer asked for go, from the end on, until as many are left.
+    for index in (0..tables.len()).rev() {
+        let is_asked = tables.get(index).and_then(stated).is_some_and(|table| scales.contains(&table));
+        if tables.len() > scales.len() && !is_asked {
+            tables.remove(index);
+        }
+    }
+    while tables.len() > scales.len() {
+        tables.remove(tables.len() - 1);
+    }
+    while tables.len() < scales.len() {
+        tables.push(spaced());
+    }
+    for (table, scale) in tables.iter_mut().zip(scales) {
+        set_scale(table, scale)?;
+    }
+    document.insert("scale", Item::ArrayOfTables(tables));
+    Ok(())
 }
 
 fn set_scale(table: &mut dyn toml_edit::TableLike, scale: &ScaleTable) -> std::result::Result<(), String> {
@@ -223,7 +269,7 @@ mod tests {
         let (saved, version) = save_picked(&path, &version, &picked).unwrap();
         assert_eq!(text(&path), PROJECT.replace("[3.0, 4.5]", "[7.25, 8.0]"));
         assert!((saved.points[0].picks["b"][0] - 7.25).abs() < 1e-9);
-        picked.scale.as_mut().unwrap().height = Some(2.5);
+        picked.scale[0].height = Some(2.5);
         save_picked(&path, &version, &Picked { points: saved.points, ..picked }).unwrap();
         assert!(text(&path).contains("height = 2.5 # ladder"), "{}", text(&path));
     }
@@ -235,13 +281,7 @@ mod tests {
         picked.points.remove(0);
         let fresh = BTreeMap::from([("a".to_owned(), [5.0, 6.0]), ("b".to_owned(), [7.0, 8.0])]);
         picked.points.push(PickedTable { number: None, picks: fresh });
-        picked.scale = Some(ScaleTable {
-            camera: "b".into(),
-            from: Some([1.0, 1.0]),
-            to: Some([9.0, 9.0]),
-            metres: Some(1.2),
-            ..ScaleTable::default()
-        });
+        picked.scale = vec![length_in_b()];
         let (saved, _) = save_picked(&path, &version, &picked).unwrap();
         let text = text(&path);
         assert_eq!(saved.points.iter().map(|p| p.number).collect::<Vec<_>>(), [Some(1), Some(2)]);
@@ -252,13 +292,38 @@ mod tests {
         let places = ["b = [30.0, 40.0]", "\n[[point]]\na = [5.0, 6.0]\nb = [7.0, 8.0]\n", "\n[scale]\n"];
         let places = places.map(|part| text.find(part).unwrap_or_else(|| panic!("no {part} in {text}")));
         assert!(places.is_sorted() && !text.contains("lamp") && !text.contains("height"), "{text}");
-        let crate::project::Scale::Distance { camera, metres, .. } =
-            ProjectFile::scale(&calib::files::read_toml(&path).unwrap(), &path, &[named("a"), named("b")])
-                .unwrap()
-        else {
+        let lengths =
+            ProjectFile::lengths(&calib::files::read_toml(&path).unwrap(), &path, &[named("a"), named("b")]);
+        let [crate::project::KnownLength::Distance { camera: 1, metres, .. }] = lengths.unwrap()[..] else {
             panic!("no distance in {text}")
         };
-        assert_eq!((camera, metres.to_bits()), (1, 1.2f64.to_bits()));
+        assert_eq!(metres.to_bits(), 1.2f64.to_bits());
+    }
+
+    fn length_in_b() -> ScaleTable {
+        ScaleTable {
+            camera: "b".into(),
+            from: Some([1.0, 1.0]),
+            to: Some([9.0, 9.0]),
+            metres: Some(1.2),
+            ..ScaleTable::default()
+        }
+    }
+
+    #[test]
+    fn a_second_length_makes_an_array_and_its_removal_leaves_the_other_as_it_was() {
+        let (_folder, path) = project();
+        let (mut picked, version) = read_picked(&path).unwrap();
+        picked.scale.push(length_in_b());
+        let (mut saved, version) = save_picked(&path, &version, &picked).unwrap();
+        let several = text(&path);
+        assert_eq!(saved.scale, picked.scale, "{several}");
+        assert_eq!(several.matches("[[scale]]").count(), 2, "{several}");
+        assert!(several.contains("height = 2.4 # ladder"), "{several}");
+        saved.scale.remove(0);
+        let (saved, _) = save_picked(&path, &version, &saved).unwrap();
+        assert_eq!(saved.scale, [length_in_b()]);
+        assert!(!text(&path).contains("ladder"), "{}", text(&path));
     }
 
     fn named(name: &str) -> crate::project::ProjectCamera {
@@ -291,7 +356,7 @@ mod tests {
             picked.points[0].picks.insert("c".into(), [1.0, 1.0]);
         });
         assert!(said.contains("no camera is called `c`"), "{said}");
-        let said = refused(&|picked| picked.scale.as_mut().unwrap().height = Some(-1.0));
+        let said = refused(&|picked| picked.scale[0].height = Some(-1.0));
         assert!(said.contains("[scale], height"), "{said}");
         std::fs::write(&path, PROJECT.replace("2.4", "2.6")).unwrap();
         let said = save_picked(&path, &version, &picked).unwrap_err().to_string();

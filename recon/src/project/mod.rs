@@ -4,6 +4,7 @@
 
 mod connected;
 mod edit;
+mod metres;
 mod pixels;
 mod tables;
 #[cfg(test)]
@@ -21,7 +22,8 @@ use crate::capture::ReferenceFrame;
 use tables::ProjectFile;
 
 pub use edit::{Picked, PickedTable, ProjectVersion, read_picked, save_picked};
-pub use tables::ScaleTable;
+pub(crate) use metres::scale_place;
+pub use metres::{ControlPoint, KnownLength, LEAST_CONTROL_POINTS, ScaleTable};
 pub(crate) use width::is_wide;
 
 /// Number of points that a pair of cameras must share for Horn's closed form.
@@ -36,8 +38,10 @@ pub struct Project {
     pub cameras: Vec<ProjectCamera>,
     /// Physical points picked in two or more reference images.
     pub points: Vec<PickedPoint>,
-    /// Source of the metric scale.
-    pub scale: Scale,
+    /// Lengths that give the metres.
+    pub lengths: Vec<KnownLength>,
+    /// Points with known coordinates, which give the room its place, its direction and, with the lengths, the metres.
+    pub control_points: Vec<ControlPoint>,
 }
 
 /// One camera of the project.
@@ -67,38 +71,6 @@ impl PickedPoint {
     }
 }
 
-/// Source of the metric scale.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Scale {
-    /// A known distance between the points at two pixels of one reference image.
-    Distance {
-        /// Index of the camera.
-        camera: usize,
-        /// One end, pixels.
-        from: Point2<f64>,
-        /// The other end, pixels.
-        to: Point2<f64>,
-        /// Distance between the two points, metres.
-        metres: f64,
-    },
-    /// A known height of a camera's centre above the floor.
-    Height {
-        /// Index of the camera.
-        camera: usize,
-        /// Metres above the floor.
-        height_m: f64,
-    },
-    /// A calibration board that lies still in a camera's capture.
-    Board {
-        /// Index of the camera.
-        camera: usize,
-        /// Inner corners of the board.
-        board: Chessboard,
-        /// Side of a square, metres.
-        square_m: f64,
-    },
-}
-
 impl Project {
     /// Reads and checks a project file and the intrinsics files it names. Captures need only exist; they are not read.
     ///
@@ -120,8 +92,9 @@ impl Project {
         let file: ProjectFile = calib::files::read_toml(path)?;
         let cameras = file.cameras(path)?;
         let points = file.points(path, &cameras)?;
-        let scale = file.scale(path, &cameras)?;
-        let project = Self { path: path.to_owned(), cameras, points, scale };
+        let lengths = file.lengths(path, &cameras)?;
+        let control_points = file.control_points(path, &cameras)?;
+        let project = Self { path: path.to_owned(), cameras, points, lengths, control_points };
         let known: Vec<Option<(u32, u32)>> =
             project.cameras.iter().map(|c| c.intrinsics.as_ref().map(|k| (k.width, k.height))).collect();
         if let Some(sizes) = known.into_iter().collect::<Option<Vec<_>>>() {
@@ -155,31 +128,39 @@ impl Project {
         calib::files::read_toml::<ProjectFile>(path).map(|file| file.inputs(path)).unwrap_or_default()
     }
 
-    /// All pixels of one camera that need a depth: its picks, and the ends of a known distance.
+    /// All pixels of one camera that need a depth: its picks, the ends of known distances, control points.
     pub fn pixels_of(&self, camera: usize) -> Vec<Point2<f64>> {
-        let ends = match &self.scale {
-            Scale::Distance { camera: measured, from, to, .. } if *measured == camera => vec![*from, *to],
+        let ends = self.lengths.iter().flat_map(|length| match length {
+            KnownLength::Distance { camera: measured, from, to, .. } if *measured == camera => {
+                vec![*from, *to]
+            }
             _ => Vec::new(),
-        };
-        self.points.iter().filter_map(|p| p.pixel(camera)).chain(ends).collect()
+        });
+        let known = self.control_points.iter().flat_map(|point| &point.picks);
+        let known = known.filter(|(of, _)| *of == camera).map(|(_, pixel)| *pixel);
+        self.points.iter().filter_map(|p| p.pixel(camera)).chain(ends).chain(known).collect()
     }
 
-    /// Calibration board in one camera's capture, if it gives the scale.
-    pub fn board_of(&self, camera: usize) -> Option<Chessboard> {
-        match self.scale {
-            Scale::Board { camera: of, board, .. } if of == camera => Some(board),
+    /// Calibration boards in one camera's capture, each with the index of its length.
+    pub fn boards_of(&self, camera: usize) -> impl Iterator<Item = (usize, Chessboard)> {
+        self.lengths.iter().enumerate().filter_map(move |(index, length)| match length {
+            KnownLength::Board { camera: of, board, .. } if *of == camera => Some((index, *board)),
             _ => None,
-        }
+        })
     }
 
     /// Moves all pixels of one camera, as when its reference image is rectified.
     pub fn move_pixels(&mut self, of: usize, to: &dyn Fn(&Point2<f64>) -> Point2<f64>) {
-        if let Scale::Distance { camera, from: start, to: end, .. } = &mut self.scale
-            && *camera == of
-        {
-            (*start, *end) = (to(start), to(end));
+        for length in &mut self.lengths {
+            if let KnownLength::Distance { camera, from: start, to: end, .. } = length
+                && *camera == of
+            {
+                (*start, *end) = (to(start), to(end));
+            }
         }
-        for (camera, pixel) in self.points.iter_mut().flat_map(|point| &mut point.picks) {
+        let picked = self.points.iter_mut().flat_map(|point| &mut point.picks);
+        let known = self.control_points.iter_mut().flat_map(|point| &mut point.picks);
+        for (camera, pixel) in picked.chain(known) {
             if *camera == of {
                 *pixel = to(pixel);
             }

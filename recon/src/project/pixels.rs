@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use super::{Project, Scale};
+use super::{KnownLength, Project, scale_place};
 use crate::{Error, Result};
 
 impl Project {
@@ -11,18 +11,25 @@ impl Project {
     /// # Errors
     /// [`Error::File`] naming the first pixel that lies outside.
     pub fn check_pixels(&self, sizes: &[(u32, u32)]) -> Result<()> {
-        let scale = match &self.scale {
-            Scale::Distance { camera, from, to, .. } => {
-                vec![("[scale], from".to_owned(), *camera, *from), ("[scale], to".to_owned(), *camera, *to)]
+        let of = self.lengths.len();
+        let ends = (1..).zip(&self.lengths).flat_map(|(number, length)| match length {
+            KnownLength::Distance { camera, from, to, .. } => {
+                let place = scale_place(number, of);
+                vec![(format!("{place}, from"), *camera, *from), (format!("{place}, to"), *camera, *to)]
             }
-            Scale::Height { .. } | Scale::Board { .. } => Vec::new(),
-        };
+            KnownLength::Height { .. } | KnownLength::Board { .. } => Vec::new(),
+        });
+        let known = (1..).zip(&self.control_points).flat_map(|(number, point)| {
+            point.picks.iter().map(move |(camera, pixel)| {
+                (format!("[[control]] {number}, {}", self.cameras[*camera].name), *camera, *pixel)
+            })
+        });
         let picks = self.points.iter().enumerate().flat_map(|(i, point)| {
             point.picks.iter().map(move |(camera, pixel)| {
                 (format!("[[point]] {}, {}", i + 1, self.cameras[*camera].name), *camera, *pixel)
             })
         });
-        for (place, camera, pixel) in scale.into_iter().chain(picks) {
+        for (place, camera, pixel) in ends.chain(known).chain(picks) {
             if let Some(size) = sizes.get(camera) {
                 self.check_inside(&place, camera, &pixel, *size)?;
             }

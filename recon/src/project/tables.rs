@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
-use serde::{Deserialize, Serialize};
-use shell::ranges::DISTANCE_M;
+use serde::Deserialize;
 
-use super::{PickedPoint, ProjectCamera, Scale};
+use super::metres::{self, ControlPoint, ControlTable, KnownLength, ScaleTable};
+use super::{PickedPoint, ProjectCamera};
 use crate::capture::ReferenceFrame;
 use crate::{Error, Result};
 
@@ -18,7 +18,10 @@ pub(super) struct ProjectFile {
     camera: Vec<ProjectCameraTable>,
     #[serde(default)]
     pub(super) point: Vec<BTreeMap<String, [f64; 2]>>,
-    pub(super) scale: Option<ScaleTable>,
+    #[serde(default, deserialize_with = "metres::one_or_several")]
+    pub(super) scale: Vec<ScaleTable>,
+    #[serde(default)]
+    pub(super) control: Vec<ControlTable>,
 }
 
 #[derive(Deserialize)]
@@ -42,32 +45,6 @@ impl Default for ReferenceValue {
     fn default() -> Self {
         Self::Word("last".into())
     }
-}
-
-/// The `[scale]` table: a length between two pixels, a camera's height, or a calibration board.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ScaleTable {
-    /// Name of the camera.
-    pub camera: String,
-    /// Pixel of one end of a known length …
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub from: Option<[f64; 2]>,
-    /// … and of the other end.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub to: Option<[f64; 2]>,
-    /// The length, metres.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub metres: Option<f64>,
-    /// Height of the camera above the floor, metres.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub height: Option<f64>,
-    /// Inner corners of a calibration board, such as `9x6`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub board: Option<String>,
-    /// Side of its squares, metres.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub square: Option<f64>,
 }
 
 impl ProjectFile {
@@ -108,14 +85,19 @@ impl ProjectFile {
         named.map(path_of).collect()
     }
 
-    /// Source of the metric scale.
-    pub(super) fn scale(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Scale> {
-        let Some(table) = &self.scale else {
+    /// Lengths that are known in metres. None only where control points are.
+    pub(super) fn lengths(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Vec<KnownLength>> {
+        if self.scale.is_empty() && self.control.is_empty() {
             let problem =
                 "missing; a known distance, a camera's height or a calibration board fixes the metres";
             return Err(Error::content(path, "[scale]", problem));
-        };
-        scale_of(path, table, cameras)
+        }
+        metres::lengths(path, &self.scale, cameras)
+    }
+
+    /// Points with known coordinates.
+    pub(super) fn control_points(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Vec<ControlPoint>> {
+        metres::control_points(path, &self.control, cameras)
     }
 }
 
@@ -166,53 +148,19 @@ fn point(
     Ok(PickedPoint { picks })
 }
 
-fn scale_of(path: &Path, table: &ScaleTable, cameras: &[ProjectCamera]) -> Result<Scale> {
-    let camera = camera_called(path, "[scale], camera", &table.camera, cameras)?;
-    let positive = |key: &str, value: f64| {
-        let problem = if value.is_finite() && value > 0.0 {
-            DISTANCE_M.defect(value)
-        } else {
-            Some(format!("{value} is not a positive number of metres"))
-        };
-        problem.map_or(Ok(value), |problem| Err(Error::content(path, format!("[scale], {key}"), problem)))
-    };
-    let distance = (table.from, table.to, table.metres);
-    let board = (table.board.as_deref(), table.square);
-    match (distance, table.height, board) {
-        ((Some(from), Some(to), Some(metres)), None, (None, None)) => {
-            let from = finite(path, "[scale], from", from)?;
-            let to = finite(path, "[scale], to", to)?;
-            if (from - to).norm() < 1.0 {
-                let problem = "`from` and `to` are the same pixel: the distance has no length";
-                return Err(Error::content(path, "[scale]", problem));
-            }
-            Ok(Scale::Distance { camera, from, to, metres: positive("metres", metres)? })
-        }
-        ((None, None, None), Some(height), (None, None)) => {
-            Ok(Scale::Height { camera, height_m: positive("height", height)? })
-        }
-        ((None, None, None), None, (Some(board), Some(square))) => {
-            let board =
-                board.parse().map_err(|problem: String| Error::content(path, "[scale], board", problem))?;
-            Ok(Scale::Board { camera, board, square_m: positive("square", square)? })
-        }
-        _ => Err(Error::content(
-            path,
-            "[scale]",
-            "give either `from`, `to` and `metres`, or `height` (of the camera above the floor), or `board` and `square` (a \
-             calibration board's inner corners, like \"9x6\", and the side of its squares in metres)",
-        )),
-    }
-}
-
-fn camera_called(path: &Path, place: &str, name: &str, cameras: &[ProjectCamera]) -> Result<usize> {
+pub(super) fn camera_called(
+    path: &Path,
+    place: &str,
+    name: &str,
+    cameras: &[ProjectCamera],
+) -> Result<usize> {
     cameras.iter().position(|c| c.name == name).ok_or_else(|| {
         let known = cameras.iter().map(|c| format!("`{}`", c.name)).collect::<Vec<_>>().join(", ");
         Error::content(path, place, format!("no camera is called `{name}`; there are {known}"))
     })
 }
 
-fn finite(path: &Path, place: &str, [x, y]: [f64; 2]) -> Result<Point2<f64>> {
+pub(super) fn finite(path: &Path, place: &str, [x, y]: [f64; 2]) -> Result<Point2<f64>> {
     if x.is_finite() && y.is_finite() {
         return Ok(Point2::new(x, y));
     }

@@ -54,14 +54,17 @@ fn a_whole_project_is_read() {
     assert_eq!(project.cameras[0].reference, ReferenceFrame::Last);
     assert_eq!(project.cameras[1].reference, ReferenceFrame::Number(3));
     assert_eq!(project.shared(0, 1)[1], (Point2::new(100.0, 20.0), Point2::new(30.0, 140.0)));
-    let Scale::Distance { camera, metres, .. } = project.scale else { panic!("{:?}", project.scale) };
-    assert_eq!((camera, metres), (1, 1.5));
+    let [KnownLength::Distance { camera: 1, metres: 1.5, .. }] = project.lengths[..] else {
+        panic!("{:?}", project.lengths)
+    };
     let height = read(&format!("{CAMERAS}{POINTS}[scale]\ncamera = \"a\"\nheight = 2.4\n")).unwrap();
-    assert_eq!(height.scale, Scale::Height { camera: 0, height_m: 2.4 });
+    assert_eq!(height.lengths, [KnownLength::Height { camera: 0, height_m: 2.4 }]);
     let board = "[scale]\ncamera = \"a\"\nboard = \"9x6\"\nsquare = 0.03\n";
     let project = read(&format!("{CAMERAS}{POINTS}{board}")).unwrap();
-    assert!(matches!(project.scale, Scale::Board { camera: 0, square_m: 0.03, .. }));
-    assert_eq!([0, 1].map(|i| project.board_of(i).map(|b| b.to_string())), [Some("9x6".to_owned()), None]);
+    let [KnownLength::Board { camera: 0, board, square_m: 0.03 }] = project.lengths[..] else {
+        panic!("{:?}", project.lengths)
+    };
+    assert_eq!(board.to_string(), "9x6");
 }
 
 #[test]
@@ -129,6 +132,53 @@ fn too_few_points_or_points_on_a_line_join_nothing() {
     assert!(alone.contains("[[point]] 1") && alone.contains("two or more"), "{alone}");
     let line = "[[point]]\na = [10, 10]\nb = [5, 5]\n[[point]]\na = [20, 20]\nb = [5, 15]\n[[point]]\na = [90, 90]\nb = [5, 100]\n";
     assert!(read(&format!("{CAMERAS}{line}{SCALE}")).unwrap_err().contains("on a line"));
+}
+
+#[test]
+fn several_lengths_are_read_and_told_apart_by_their_numbers() {
+    let array = SCALE.replace("[scale]", "[[scale]]");
+    let height = "[[scale]]\ncamera = \"a\"\nheight = 2.4\n";
+    let project = read(&format!("{CAMERAS}{POINTS}{array}{height}")).unwrap();
+    assert_eq!(project.lengths.iter().map(KnownLength::metres).collect::<Vec<_>>(), [1.5, 2.4]);
+    assert_eq!(project.pixels_of(1).len(), 3 + 2);
+    let refused = |height: &str| read(&format!("{CAMERAS}{POINTS}{array}{height}")).unwrap_err();
+    let line = refused(&height.replace("2.4", "0"));
+    assert!(line.contains("[[scale]] 2, height"), "{line}");
+    let line = refused(&height.replace("height", "heigth"));
+    assert!(line.contains("heigth"), "{line}");
+    let outside = array.replace("[30, 4]", "[330, 4]");
+    let line = read(&format!("{CAMERAS}{POINTS}{height}{outside}")).unwrap_err();
+    assert!(line.contains("[[scale]] 2, to"), "{line}");
+    let line = refused("[scale]\ncamera = \"a\"\nheight = 2.4\n");
+    assert!(line.contains("line 26") && line.contains("duplicate key"), "{line}");
+}
+
+#[test]
+fn control_points_need_coordinates_apart_and_pixels() {
+    let control = |number: u32, at: &str, pixels: &str| {
+        format!("[[control]] # {number}\nat = {at}\npixels = {{ {pixels} }}\n")
+    };
+    let first = control(1, "[1, 2]", "a = [10, 20], b = [30, 40]");
+    let second = control(2, "[4.5, 2, 0.8]", "b = [50, 60]");
+    let project = read(&format!("{CAMERAS}{POINTS}{first}{second}")).unwrap();
+    let [one, other] = &project.control_points[..] else { panic!("{project:?}") };
+    assert!(project.lengths.is_empty() && one.height_m.is_none() && other.height_m == Some(0.8));
+    assert_eq!(one.picks, [(0, Point2::new(10.0, 20.0)), (1, Point2::new(30.0, 40.0))]);
+    assert_eq!(project.pixels_of(1).len(), 3 + 2);
+    let refused = |second: &str| read(&format!("{CAMERAS}{POINTS}{SCALE}{first}{second}")).unwrap_err();
+    assert!(refused("").contains("[[control]]: control points give"));
+    assert!(refused(&control(2, "[1.1, 2]", "b = [50, 60]")).contains("0.10 m apart"));
+    for (at, pixels, place) in [
+        ("[1]", "b = [50, 60]", "[[control]] 2, at"),
+        ("[1, nan]", "b = [50, 60]", "[[control]] 2, at"),
+        ("[500000, 2]", "b = [50, 60]", "[[control]] 2, at"),
+        ("[4, 2]", "", "[[control]] 2, pixels"),
+        ("[4, 2]", "c = [50, 60]", "[[control]] 2, c"),
+        ("[4, 2]", "b = [50, 600]", "[[control]] 2, b"),
+    ] {
+        let line = refused(&control(2, at, pixels));
+        assert!(line.contains(place), "{line}");
+    }
 }
 
 #[test]

@@ -1,72 +1,235 @@
-//! Metric scale of the common frame, from one known length.
+//! Metres of the common frame, from all that is known in metres: lengths in a picture, heights of cameras, boards, control points.
+//!
+//! Each known length gives the logarithm of the metres in a unit, with a standard deviation: of its ends in the picture and in
+//! depth, or of the board. Their weighted mean is the scale, with Cauchy's weights from three on, so that one wrong length does not spoil
+//! the others. How far each length then is from what is known, is told ([`LengthResidual`]).
 
 pub mod board;
+pub mod control;
 
 use board::Square;
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector3};
+use serde::Serialize;
 
 use crate::floor::Plane;
 use crate::merge::{Merged, measured_at, pinhole_pixel};
-use crate::project::{Project, Scale};
+use crate::project::{KnownLength, Project, scale_place};
 use crate::ray_depth::MeasuredPixel;
 use crate::surface::Surface;
 use crate::{Error, Result};
 
-/// Metres in a unit of the common frame.
+/// Standard deviation of a pixel that a person gives, pixels.
+const PIXEL_SIGMA: f64 = 0.5;
+/// Relative standard deviation of a depth that stereo measured at such a pixel.
+const DENSE_SIGMA: f64 = 0.01;
+/// Standard deviation of a tape that is laid by hand, and of a camera's height, metres.
+const TAPE_SIGMA_M: f64 = 0.003;
+/// Relative standard deviation of any length: the error of the room's shape.
+const SHAPE_SIGMA: f64 = 0.002;
+/// Number of standard deviations at which a length counts half, where there are three or more.
+const HALF_WEIGHT: f64 = 2.0;
+/// Number of rounds of reweighting.
+const ROUNDS: usize = 30;
+
+/// Metres of the common frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Metres {
+    /// Metres in a unit of the common frame.
+    pub per_unit: f64,
+    /// Each known length, in the project's order, then the extent of the control points.
+    pub lengths: Vec<LengthResidual>,
+}
+
+/// A known length beside what the room has there.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct LengthResidual {
+    /// Its table in the project, and what it is.
+    pub name: String,
+    /// Length as given, metres.
+    pub known_m: f64,
+    /// Length in the room, metres.
+    pub found_m: f64,
+    /// Standard deviation of the difference, metres, without that of the other lengths.
+    pub sigma_m: f64,
+}
+
+/// Cameras in the common frame, with what their pictures show.
+#[derive(Debug, Clone, Copy)]
+pub struct JoinedPictures<'a> {
+    /// The project.
+    pub project: &'a Project,
+    /// Surface seen by each reference view.
+    pub surfaces: &'a [Surface],
+    /// Each camera's intrinsics as filmed.
+    pub lenses: &'a [calib::Intrinsics],
+    /// Picked pixels with individually measured depths.
+    pub measured: &'a [Vec<MeasuredPixel>],
+    /// Cameras and points in the common frame.
+    pub merged: &'a Merged,
+}
+
+/// A point of the room with the standard deviations of its position, in the common unit.
+#[derive(Debug, Clone, Copy)]
+struct Located {
+    place: Point3<f64>,
+    /// Direction of the ray that shows it.
+    ray: Vector3<f64>,
+    along_ray: f64,
+    across_ray: f64,
+}
+
+impl Located {
+    /// Variance along a unit vector.
+    fn variance(&self, direction: &Vector3<f64>) -> f64 {
+        let share = self.ray.dot(direction).powi(2);
+        share * self.along_ray.powi(2) + (1.0 - share) * self.across_ray.powi(2)
+    }
+}
+
+/// Metres in a unit of the common frame, from all known lengths and the extent of the control points.
 ///
 /// # Arguments
-/// `lenses`: each camera's intrinsics as filmed. `square`: the side of the project's board, in its camera's unit. `floor`: the
-/// floor in the common frame, for a known height.
+/// `squares`: the side of each board among the project's lengths, in its camera's unit. `floor`: the floor in the common frame.
 ///
 /// # Errors
 /// [`Error::File`] naming the pixel without a depth, or the board that was not measured.
-pub fn metres_per_unit(
-    project: &Project,
-    surfaces: &[Surface],
-    lenses: &[calib::Intrinsics],
-    measured: &[Vec<MeasuredPixel>],
-    square: Option<Square>,
-    merged: &Merged,
-    floor: &Plane,
-) -> Result<f64> {
-    match &project.scale {
-        Scale::Board { camera, board, square_m } => {
-            let side = square.map(|s| s.side * merged.common_from_camera[*camera].scaling());
-            side.map(|side| square_m / side).ok_or_else(|| {
-                let problem = format!("the {board} board was not measured");
-                Error::content(&project.path, "[scale], board", problem)
-            })
-        }
-        Scale::Height { camera, height_m } => {
-            let centre = merged.poses()[*camera].inverse() * Point3::origin();
-            Ok(height_m / floor.height(&centre))
-        }
-        Scale::Distance { camera, from, to, metres } => {
-            let end = |key: &str, pixel: &Point2<f64>| {
-                let seen = picked(project, merged, *camera, pixel).or_else(|| {
-                    let pinhole = pinhole_pixel(&lenses[*camera], pixel)?;
-                    let own = measured_at(&measured[*camera], pixel).and_then(|own| {
-                        let ray = surfaces[*camera].intrinsics.unproject(&pinhole)?;
-                        Some(Point3::from(ray * own.depth.depth))
-                    });
-                    let point = own.or_else(|| surfaces[*camera].point_at(&pinhole))?;
-                    Some(merged.common_from_camera[*camera] * point)
-                });
-                seen.ok_or_else(|| {
-                    let problem = format!(
-                        "there is no depth at [{}, {}] of `{}`; choose a pixel on something textured",
-                        pixel.x, pixel.y, project.cameras[*camera].name
-                    );
-                    Error::content(&project.path, format!("[scale], {key}"), problem)
-                })
-            };
-            let length = (end("to", to)? - end("from", from)?).norm();
-            if length <= 0.0 {
-                let problem = "`from` and `to` show the same point: the distance has no length";
-                return Err(Error::content(&project.path, "[scale]", problem));
+pub fn metres(joined: &JoinedPictures<'_>, squares: &[Option<Square>], floor: &Plane) -> Result<Metres> {
+    let lengths = &joined.project.lengths;
+    let mut estimates: Vec<LengthEstimate> = Vec::with_capacity(lengths.len() + 1);
+    for (index, length) in lengths.iter().enumerate() {
+        let square = squares.get(index).copied().flatten();
+        estimates.push(joined.length(index, length, square, floor)?);
+    }
+    estimates.extend(control::extent(joined, floor)?);
+    let per_unit = scale_of(&estimates);
+    let residual = |estimate: LengthEstimate| LengthResidual {
+        found_m: per_unit * estimate.units,
+        sigma_m: estimate.sigma * estimate.known_m,
+        known_m: estimate.known_m,
+        name: estimate.name,
+    };
+    Ok(Metres { per_unit, lengths: estimates.into_iter().map(residual).collect() })
+}
+
+/// A known length as it is in the common frame.
+#[derive(Debug, Clone)]
+struct LengthEstimate {
+    name: String,
+    known_m: f64,
+    /// Length in the common unit.
+    units: f64,
+    /// Relative standard deviation.
+    sigma: f64,
+}
+
+/// Metres in a unit: the weighted mean of the logarithms; with three or more from their weighted median on, reweighted.
+fn scale_of(estimates: &[LengthEstimate]) -> f64 {
+    let logs: Vec<(f64, f64)> =
+        estimates.iter().map(|e| ((e.known_m / e.units).ln(), e.sigma.powi(-2))).collect();
+    let mean = |weighted: &dyn Fn(f64, f64) -> f64| {
+        let (sum, weights) = logs.iter().fold((0.0, 0.0), |(sum, weights), (log, precision)| {
+            let weight = weighted(*log, *precision);
+            (sum + weight * log, weights + weight)
+        });
+        sum / weights
+    };
+    if logs.len() < 3 {
+        return mean(&|_, precision| precision).exp();
+    }
+    let mut sorted = logs.clone();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * sorted.iter().map(|(_, precision)| precision).sum::<f64>();
+    let mut below = 0.0;
+    let median = sorted.iter().find(|(_, precision)| {
+        below += precision;
+        below >= half
+    });
+    let mut log_scale = median.map_or(0.0, |(log, _)| *log);
+    for _ in 0..ROUNDS {
+        let at = log_scale;
+        log_scale =
+            mean(&|log, precision| precision / (1.0 + (log - at).powi(2) * precision / HALF_WEIGHT.powi(2)));
+    }
+    log_scale.exp()
+}
+
+impl JoinedPictures<'_> {
+    /// One known length in the common frame.
+    fn length(
+        &self,
+        index: usize,
+        length: &KnownLength,
+        square: Option<Square>,
+        floor: &Plane,
+    ) -> Result<LengthEstimate> {
+        let Self { project, merged, .. } = *self;
+        let place = scale_place(index + 1, project.lengths.len());
+        let name = |what: &str| format!("{place}, `{}`, {what}", project.cameras[length.camera()].name);
+        let known_m = length.metres();
+        let estimate = |what: &str, units: f64, sigma: f64| LengthEstimate {
+            name: name(what),
+            known_m,
+            units,
+            sigma: sigma.hypot(SHAPE_SIGMA),
+        };
+        match length {
+            KnownLength::Board { camera, board, .. } => {
+                let square = square.ok_or_else(|| {
+                    let problem = format!("the {board} board was not measured");
+                    Error::content(&project.path, format!("{place}, board"), problem)
+                })?;
+                let side = square.side * merged.common_from_camera[*camera].scaling();
+                Ok(estimate("a square of the board", side, square.sigma))
             }
-            Ok(metres / length)
+            KnownLength::Height { camera, .. } => {
+                let centre = merged.poses()[*camera].inverse() * Point3::origin();
+                Ok(estimate("its height", floor.height(&centre), TAPE_SIGMA_M / known_m))
+            }
+            KnownLength::Distance { camera, from, to, .. } => {
+                let end = |key: &str, pixel| self.located(*camera, pixel, &format!("{place}, {key}"));
+                let (from, to) = (end("from", from)?, end("to", to)?);
+                let apart = to.place - from.place;
+                let units = apart.norm();
+                if units <= 0.0 {
+                    let problem = "`from` and `to` show the same point: the distance has no length";
+                    return Err(Error::content(&project.path, place, problem));
+                }
+                let direction = apart / units;
+                let variance = from.variance(&direction) + to.variance(&direction);
+                Ok(estimate("the distance", units, (variance.sqrt() / units).hypot(TAPE_SIGMA_M / known_m)))
+            }
         }
+    }
+
+    /// Position of what a pixel of a reference picture shows. `place`: its place in the project, for messages.
+    fn located(&self, camera: usize, pixel: &Point2<f64>, place: &str) -> Result<Located> {
+        let Self { project, surfaces, lenses, measured, merged } = *self;
+        let common = &merged.common_from_camera[camera];
+        let located = || {
+            let pinhole = pinhole_pixel(&lenses[camera], pixel)?;
+            let surface = &surfaces[camera];
+            let ray = surface.intrinsics.unproject(&pinhole)?;
+            let located = |place: Point3<f64>, sigma: Option<f64>| {
+                let far = (place - common.isometry.translation.vector).coords.norm();
+                let across_ray = far * PIXEL_SIGMA / surface.intrinsics.fx;
+                let along_ray = sigma.map_or(across_ray, |sigma| sigma * far);
+                Located { place, ray: common.isometry.rotation * ray.normalize(), along_ray, across_ray }
+            };
+            if let Some(place) = picked(project, merged, camera, pixel) {
+                return Some(located(place, None));
+            }
+            if let Some(own) = measured_at(&measured[camera], pixel) {
+                return Some(located(common * Point3::from(ray * own.depth.depth), Some(own.depth.sigma)));
+            }
+            Some(located(common * surface.point_at(&pinhole)?, Some(DENSE_SIGMA)))
+        };
+        located().ok_or_else(|| {
+            let problem = format!(
+                "there is no depth at [{}, {}] of `{}`; choose a pixel on something textured",
+                pixel.x, pixel.y, project.cameras[camera].name
+            );
+            Error::content(&project.path, place, problem)
+        })
     }
 }
 
@@ -77,4 +240,38 @@ fn picked(project: &Project, merged: &Merged, camera: usize, pixel: &Point2<f64>
     let close = |p: Point2<f64>| (p - pixel).norm() <= SAME_PX;
     let point = project.points.iter().position(|p| p.pixel(camera).is_some_and(close))?;
     merged.points.get(point).copied().flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn estimate(units: f64, known_m: f64, sigma: f64) -> LengthEstimate {
+        LengthEstimate { name: String::new(), known_m, units, sigma }
+    }
+
+    #[test]
+    fn two_lengths_count_by_their_precision() {
+        // ln 2 known four times as precisely in the variance: the mean of the logarithms by hand.
+        let scale = scale_of(&[estimate(1.0, 2.0, 0.01), estimate(1.0, 2.1, 0.02)]);
+        let expected = ((4.0 * 2.0_f64.ln() + 2.1_f64.ln()) / 5.0).exp();
+        assert!((scale / expected - 1.0).abs() < 1e-12, "{scale}, {expected}");
+    }
+
+    proptest! {
+        #[test]
+        fn one_wrong_length_of_several_moves_the_scale_by_less_than_its_precision(
+            scale in 0.1..10.0_f64,
+            lengths in prop::collection::vec((0.2..5.0_f64, -1.0..1.0_f64), 3..8),
+            wrong in prop_oneof![0.1..0.8_f64, 1.25..10.0],
+        ) {
+            const SIGMA: f64 = 0.005;
+            let right = lengths.iter().map(|(units, off)| estimate(*units, units * scale * (1.0 + SIGMA * off), SIGMA));
+            let mut estimates: Vec<LengthEstimate> = right.collect();
+            estimates.push(estimate(1.0, scale * wrong, SIGMA));
+            let found = scale_of(&estimates);
+            prop_assert!((found / scale - 1.0).abs() < 1.2 * SIGMA, "{found} for {scale}");
+        }
+    }
 }

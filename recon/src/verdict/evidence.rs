@@ -8,6 +8,8 @@ use crate::merge::{MergeReport, Merged};
 use crate::plumb;
 use crate::project::Project;
 use crate::proposals;
+use crate::scale::LengthResidual;
+use crate::scale::control::ControlResidual;
 use crate::surface::{DepthOrigin, Surface};
 
 /// Step between the pixels whose distance is looked at.
@@ -24,6 +26,10 @@ pub struct RoomEvidence {
     pub floor_share: f64,
     /// Median distance of the measured surfaces from their cameras, metres.
     pub reach_m: f64,
+    /// Each known length beside what the room has there.
+    pub lengths: Vec<LengthResidual>,
+    /// Each control point beside where the room has it.
+    pub control_points: Vec<ControlResidual>,
 }
 
 /// Evidence of one camera.
@@ -59,7 +65,7 @@ pub struct PairEvidence {
     pub correlation: f64,
 }
 
-/// Gathers the evidence about an assembled room.
+/// Gathers the evidence about an assembled room, but for its known metres.
 ///
 /// # Arguments
 /// `edges`: normals of the interpretation planes of each camera's edges; may be empty. `floor_share`: the floor's share of
@@ -87,6 +93,7 @@ pub(crate) fn gather(
         pairs: pairs(project, surfaces, merged, report),
         floor_share,
         reach_m: reach(surfaces, &merged.common_from_camera) * metres_per_unit,
+        ..RoomEvidence::default()
     }
 }
 

@@ -3,10 +3,12 @@
 //! A room can be finished and wrong: three picks of a pair fit whatever they are, a façade can be taken for the floor, a
 //! length can be in millimetres. [`evidence`] gathers what bears a room out or contradicts it: surfaces that stand in
 //! another camera's view, how alike pictures are where surfaces coincide, the number of picks, vertical lines in the
-//! pictures, heights and distances in metres. [`judge`] compares these with bounds. *Red*: the room contradicts itself or
+//! pictures, heights and distances in metres, known lengths that
+//! contradict each other. [`judge`] compares these with bounds. *Red*: the room contradicts itself or
 //! is of an impossible size. *Amber*: it is doubtful, or nothing bears it out. *Green*: all else.
 
 pub mod evidence;
+mod metres;
 #[cfg(test)]
 mod tests;
 
@@ -133,6 +135,8 @@ pub struct CaptureFigures {
 pub fn judge(evidence: &RoomEvidence, captures: &[CaptureFigures]) -> Verdict {
     let mut reasons = Vec::new();
     sizes(evidence, captures, &mut reasons);
+    metres::lengths(&evidence.lengths, &mut reasons);
+    metres::control_points(&evidence.control_points, &mut reasons);
     pairs(evidence, captures, &mut reasons);
     floor(evidence, captures, &mut reasons);
     for (index, capture) in captures.iter().enumerate() {

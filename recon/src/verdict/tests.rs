@@ -1,6 +1,8 @@
 //! Verdicts about figures of rooms that are right, and of the same with one mistake.
 
 use super::*;
+use crate::scale::LengthResidual;
+use crate::scale::control::ControlResidual;
 
 fn captures() -> Vec<CaptureFigures> {
     let of = |name: &str| CaptureFigures {
@@ -25,7 +27,13 @@ fn evidence() -> RoomEvidence {
         compared: 300,
         correlation: 0.7,
     };
-    RoomEvidence { cameras: vec![camera.clone(), camera], pairs: vec![pair], floor_share: 0.2, reach_m: 4.0 }
+    RoomEvidence {
+        cameras: vec![camera.clone(), camera],
+        pairs: vec![pair],
+        floor_share: 0.2,
+        reach_m: 4.0,
+        ..RoomEvidence::default()
+    }
 }
 
 /// Verdict about the sound room with a change, and the worst reason's text.
@@ -146,4 +154,44 @@ fn the_worst_reason_comes_first() {
     evidence.pairs[0].left_out = 1;
     let lights: Vec<Light> = judge(&evidence, &captures).reasons.iter().map(|reason| reason.light).collect();
     assert_eq!(lights, [Light::Red, Light::Amber, Light::Green]);
+}
+
+#[test]
+fn lengths_that_contradict_each_other_are_named() {
+    let length = |name: &str, known_m: f64, found_m: f64| LengthResidual {
+        name: name.into(),
+        known_m,
+        found_m,
+        sigma_m: 0.004 * known_m,
+    };
+    let (light, _) = judged(|room, _| room.lengths = vec![length("one", 2.0, 2.6)]);
+    assert_eq!(light, Light::Green, "one length cannot contradict itself");
+    let (light, _) = judged(|room, _| {
+        room.lengths = vec![length("one", 2.0, 2.01), length("other", 4.0, 3.98)];
+    });
+    assert_eq!(light, Light::Green, "1 % with a standard deviation of 0.6 %");
+    let (light, text) =
+        judged(|room, _| room.lengths = vec![length("one", 2.0, 2.05), length("other", 4.0, 3.9)]);
+    assert!(light == Light::Amber && text.contains("one") && text.contains("5.1 %"), "{text}");
+    let (light, text) = judged(|room, _| {
+        room.lengths =
+            vec![length("one", 2.0, 2.002), length("other", 4.0, 3.995), length("third", 1.0, 1.3)];
+    });
+    assert!(light == Light::Amber && text.starts_with("third is 1.000 m"), "{text}");
+}
+
+#[test]
+fn control_points_that_are_off_are_named() {
+    let point = |number, off_m: &[f64]| ControlResidual { number, off_m: off_m.to_vec(), sigma_m: 0.01 };
+    let (light, _) = judged(|room, _| {
+        room.control_points = vec![point(1, &[0.03, -0.02]), point(2, &[-0.03, 0.02, 0.01])];
+    });
+    assert_eq!(light, Light::Green);
+    let (light, text) = judged(|room, _| {
+        room.control_points = vec![point(1, &[0.01, 0.0]), point(2, &[0.01, 0.02, -0.2])];
+    });
+    assert!(
+        light == Light::Amber && text.contains("[[control]] 2") && text.contains("height -20.0 cm"),
+        "{text}"
+    );
 }

@@ -5,7 +5,7 @@ mod boxes;
 mod rooms;
 
 use super::*;
-use crate::project::{PickedPoint, ProjectCamera, Scale};
+use crate::project::{KnownLength, PickedPoint, ProjectCamera};
 use crate::ray_depth::RayDepth;
 use boxes::Boxes;
 use calib::{Intrinsics, rotation};
@@ -71,7 +71,8 @@ fn project_of(points: Vec<PickedPoint>, lens: &Intrinsics) -> Project {
         path: "room.toml".into(),
         cameras: vec![camera("a"), camera("b")],
         points,
-        scale: Scale::Height { camera: 0, height_m: 2.2 },
+        lengths: vec![KnownLength::Height { camera: 0, height_m: 2.2 }],
+        control_points: Vec::new(),
     }
 }
 

@@ -105,7 +105,7 @@ function changed() {
   draw();
 }
 
-const isUnsaved = () => project !== null && JSON.stringify(picked()) !== saved;
+const isUnsaved = () => project !== null && (scale.isOpen() || JSON.stringify(picked()) !== saved);
 
 function askLine({ picks }) {
   const [[camera, pixel]] = Object.entries(picks);
@@ -192,7 +192,7 @@ function mark() {
       picks: of.map(({ point, label }) => ({ id: point.id, label, pixel: point.picks[camera], state: stateOf(point.id, camera), isSelected: selected?.id === point.id })),
       proposals: proposals.map((proposal) => proposal.pixels[proposal.cameras.indexOf(camera)]),
       line: line?.camera === camera ? line : null,
-      length: scale.lineIn(camera),
+      lengths: scale.linesIn(camera),
     });
   }
 }
@@ -290,9 +290,12 @@ async function load() {
 
 async function save() {
   if (!isUnsaved()) return true;
-  const open = pending();
-  if (open) {
+  if (pending()) {
     say("A point is picked in one picture only: pick it in another, or give it up with Esc.", "warn");
+    return false;
+  }
+  if (scale.isOpen()) {
+    say("One of the scales has no metres yet: complete it, or remove it.", "warn");
     return false;
   }
   try {

@@ -11,7 +11,7 @@ const CLOSEST = 40; // times
 export class Picture {
   #view = null; // [x, y, width, height] in pixels of the picture
   #drag = null;
-  #marks = { picks: [], proposals: [], line: null, length: null };
+  #marks = { picks: [], proposals: [], line: null, lengths: [] };
 
   // `pick` sets a pixel, `move` moves a pick, `hover` is told the pixel under the pointer, `choose` another camera.
   constructor(figure, { pick, grab, move, hover, choose }) {
@@ -139,12 +139,11 @@ export class Picture {
     if (!this.image) return;
     const unit = unitOf(this.svg);
     const all = [];
-    const { picks, proposals, line, length } = this.#marks;
+    const { picks, proposals, line, lengths } = this.#marks;
     if (line?.line.length > 1) all.push(shape("polyline", { class: "epipolar", points: points(line.line) }));
     const ring = (kind, [cx, cy], r) => shape("circle", { class: kind, cx, cy, r: r * unit });
     if (line?.guess) all.push(ring("guess", line.guess, 10));
-    if (length) {
-      const [[x1, y1], [x2, y2]] = length;
+    for (const [[x1, y1], [x2, y2]] of lengths) {
       all.push(shape("line", { class: "length", x1, y1, x2, y2 }));
     }
     for (const pixel of proposals) all.push(ring("proposal", pixel, 8));

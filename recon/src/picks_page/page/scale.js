@@ -1,9 +1,27 @@
-// The scale: a length between two clicked places, a camera's height, or a calibration board.
+// The scale: lengths between two clicked places, heights of cameras, calibration boards. The form shows one; a list all, where
+// there are several.
 
 const byId = (id) => document.getElementById(id);
 
+const kindOf = (table) => (table.board !== undefined ? "board" : table.height !== undefined ? "height" : "length");
+
+// A table as it is saved; null while it is not whole.
+function whole({ camera, from, to, metres, height, board, square }) {
+  if (from && to && metres > 0) return { camera, from, to, metres };
+  if (height > 0) return { camera, height };
+  if (board && square > 0) return { camera, board, square };
+  return null;
+}
+
+const words = {
+  length: ({ camera, from, metres }) => (from ? `${metres ?? "?"} m in ${camera}` : "a length"),
+  height: ({ camera, height }) => `${camera} is ${height ?? "?"} m high`,
+  board: ({ camera, board, square }) => `board ${board || "?"} of ${square ?? "?"} m in ${camera}`,
+};
+
 export class ScaleForm {
-  stated = null; // what the form says, whole or not
+  stated = [{}]; // what is stated, whole or not: at least one
+  chosen = 0; // the one in the form
   ends = null; // of a length while it is clicked: { camera, pixels }
 
   // `before` is called before the scale changes, for the way back; `after` when it has, or when only its clicked ends have.
@@ -14,26 +32,34 @@ export class ScaleForm {
       this.ends = this.ends ? null : { camera: null, pixels: [] };
       after(false);
     });
+    byId("scale-add").addEventListener("click", () => {
+      before();
+      this.chosen = this.stated.push({}) - 1;
+      this.#show();
+      after(true);
+    });
   }
 
   offer(cameras) {
     byId("scale-camera").replaceChildren(...cameras.map((name) => new Option(name, name)));
   }
 
-  load(stated) {
-    this.stated = stated && Object.fromEntries(Object.entries(stated).filter(([, value]) => value !== null));
+  load(tables) {
+    const given = tables.map((table) => Object.fromEntries(Object.entries(table).filter(([, value]) => value !== null)));
+    this.stated = given.length > 0 ? given : [{}];
+    this.chosen = Math.min(this.chosen, this.stated.length - 1);
     this.ends = null;
     this.#show();
   }
 
-  // The scale as it is saved; null while it is not whole, which leaves the file's.
+  // The tables as they are saved; none leave the file's.
   whole() {
-    if (!this.stated) return null;
-    const { camera, from, to, metres, height, board, square } = this.stated;
-    if (from && to && metres > 0) return { camera, from, to, metres };
-    if (height > 0) return { camera, height };
-    if (board && square > 0) return { camera, board, square };
-    return null;
+    return this.stated.map(whole).filter(Boolean);
+  }
+
+  // Whether one of several is not whole: it would be lost.
+  isOpen() {
+    return this.stated.length > 1 && this.stated.some((table) => !whole(table));
   }
 
   // One end of the length is clicked.
@@ -43,32 +69,62 @@ export class ScaleForm {
     if (this.ends.pixels.length < 2) return this.after(false);
     this.before();
     const [from, to] = this.ends.pixels;
-    this.stated = { camera, from, to, metres: Number(byId("metres").value) || null };
+    this.stated[this.chosen] = { camera, from, to, metres: Number(byId("metres").value) || null };
     this.ends = null;
     this.#show();
     byId("metres").focus();
     this.after(true);
   }
 
-  // The line of the length in a camera's picture.
-  lineIn(camera) {
-    if (this.ends) return this.ends.camera === camera ? [this.ends.pixels[0], this.ends.pixels[0]] : null;
-    return this.stated?.from && this.stated.camera === camera ? [this.stated.from, this.stated.to] : null;
+  // The lines of the lengths in a camera's picture.
+  linesIn(camera) {
+    const drawn = this.stated.filter((table, i) => table.from && table.camera === camera && !(this.ends && i === this.chosen));
+    const lines = drawn.map(({ from, to }) => [from, to]);
+    if (this.ends?.camera === camera) lines.push([this.ends.pixels[0], this.ends.pixels[0]]);
+    return lines;
   }
 
   say() {
+    const { from, camera } = this.stated[this.chosen];
     byId("ends").setAttribute("aria-pressed", this.ends !== null);
-    byId("ends-said").value = this.ends ? `${this.ends.pixels.length} of 2` : this.stated?.from ? `in ${this.stated.camera}` : "";
+    byId("ends-said").value = this.ends ? `${this.ends.pixels.length} of 2` : from ? `in ${camera}` : "";
+    byId("scales").replaceChildren(...(this.stated.length > 1 ? this.stated.map((table, i) => this.#item(table, i)) : []));
+    byId("scale-add").disabled = !this.stated.every(whole);
+  }
+
+  #item(table, index) {
+    const item = document.createElement("li");
+    item.classList.toggle("selected", index === this.chosen);
+    const choose = item.appendChild(document.createElement("button"));
+    Object.assign(choose, { type: "button", textContent: words[kindOf(table)](table) });
+    choose.setAttribute("aria-pressed", index === this.chosen);
+    choose.addEventListener("click", () => {
+      this.chosen = index;
+      this.ends = null;
+      this.#show();
+      this.after(false);
+    });
+    const remove = item.appendChild(document.createElement("button"));
+    Object.assign(remove, { type: "button", textContent: "✕", title: `Remove scale ${index + 1}` });
+    remove.setAttribute("aria-label", remove.title);
+    remove.addEventListener("click", () => {
+      this.before();
+      this.stated.splice(index, 1);
+      this.chosen = Math.min(this.chosen, this.stated.length - 1);
+      this.#show();
+      this.after(true);
+    });
+    return item;
   }
 
   #show() {
-    const { stated } = this;
-    const kind = stated?.board !== undefined ? "board" : stated?.height !== undefined ? "height" : "length";
+    const table = this.stated[this.chosen];
+    const kind = kindOf(table);
     byId("scale-kind").value = kind;
-    byId("metres").value = (kind === "height" ? stated.height : stated?.metres) ?? "";
-    byId("board").value = stated?.board ?? "";
-    byId("square").value = stated?.square ?? "";
-    if (stated?.camera) byId("scale-camera").value = stated.camera;
+    byId("metres").value = (kind === "height" ? table.height : table.metres) ?? "";
+    byId("board").value = table.board ?? "";
+    byId("square").value = table.square ?? "";
+    if (table.camera) byId("scale-camera").value = table.camera;
     for (const part of document.querySelectorAll("[data-scale]")) part.hidden = !part.dataset.scale.split(" ").includes(kind);
   }
 
@@ -76,15 +132,13 @@ export class ScaleForm {
     this.before();
     const number = (id) => Number(byId(id).value) || null;
     const camera = byId("scale-camera").value;
-    const { stated } = this;
-    const kinds = {
+    const { from, to, camera: of } = this.stated[this.chosen];
+    const tables = {
       height: () => ({ camera, height: number("metres") }),
       board: () => ({ camera, board: byId("board").value, square: number("square") }),
-      length: () => (stated?.from ? { camera: stated.camera, from: stated.from, to: stated.to } : {}),
+      length: () => ({ ...(from && { camera: of, from, to }), metres: number("metres") }),
     };
-    const kind = byId("scale-kind").value;
-    this.stated = kinds[kind]();
-    if (kind === "length") this.stated.metres = number("metres");
+    this.stated[this.chosen] = tables[byId("scale-kind").value]();
     this.#show();
     this.after(true);
   }

@@ -4,7 +4,7 @@ use browser::{CTRL, Page};
 use serde_json::json;
 
 use super::PickedProject;
-use crate::project::{Project, read_picked};
+use crate::project::{KnownLength, Project, read_picked};
 
 /// Clicks a pixel of a camera's picture.
 fn click(page: &mut Page, camera: &str, [u, v]: [f64; 2]) {
@@ -61,10 +61,28 @@ fn points_and_a_length_clicked_in_a_chromium_are_saved() {
             "{point:?}"
         );
     }
-    let scale = read_picked(&project.project).unwrap().0.scale.unwrap();
+    let scales = read_picked(&project.project).unwrap().0.scale;
+    let [scale] = &scales[..] else { panic!("{scales:?}") };
     let ends = [0, 1].map(|i| read.points[i].pixel(0).unwrap());
     assert_eq!((scale.camera.as_str(), scale.metres), ("cam0", Some(1.25)));
     assert_eq!([scale.from.unwrap(), scale.to.unwrap()], ends.map(|p| [p.x, p.y]));
+
+    // A camera's height as well: both are saved, and the first can go again.
+    page.click("#scale-add");
+    page.value("(() => { const kind = document.getElementById('scale-kind'); kind.value = 'height'; kind.dispatchEvent(new Event('change')); return 0; })()");
+    page.press("s", CTRL);
+    page.wait_until("document.getElementById('message').textContent.includes('no metres yet')");
+    page.click("#metres");
+    page.type_text("2.5");
+    page.screenshot("picks-scales-1400.png");
+    page.press("s", CTRL);
+    page.wait_until("document.getElementById('message').textContent === 'Saved.'");
+    assert_eq!(Project::read(&project.project).unwrap().lengths.len(), 2, "{}", project.text());
+    page.click("#scales li:first-child button:last-child");
+    page.press("s", CTRL);
+    page.wait_until("document.getElementById('message').textContent === 'Saved.' && document.querySelectorAll('#scales li').length === 0");
+    let lengths = Project::read(&project.project).unwrap().lengths;
+    assert!(matches!(lengths[..], [KnownLength::Height { camera: 0, height_m: 2.5 }]), "{lengths:?}");
 
     // A removed point whose removal is undone leaves nothing to save.
     page.click("#points li button");

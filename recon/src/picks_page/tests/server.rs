@@ -41,7 +41,7 @@ fn picks_are_saved_with_what_the_file_had() {
     assert_eq!((status, &project["cameras"]), (200, &json!(["cam0", "cam1"])));
     let point = json!({ "number": null, "picks": { "cam0": [10.0, 20.5], "cam1": [30.0, 40.0] } });
     let scale = json!({ "camera": "cam1", "height": 2.4 });
-    let save = json!({ "version": project["version"], "picked": { "points": [point], "scale": scale } });
+    let save = json!({ "version": project["version"], "picked": { "points": [point], "scale": [scale] } });
     let (status, saved) = told(page.address, "PUT", "/project", Some(&save));
     assert_eq!((status, &saved["picked"]["points"][0]["number"]), (200, &json!(1)));
     let added = page.text();
@@ -55,7 +55,7 @@ fn picks_are_saved_with_what_the_file_had() {
     let (status, error) = told(page.address, "PUT", "/project", Some(&save));
     assert!(status == 409 && error["error"].as_str().unwrap().contains("load it again"), "{error}");
     let outside = json!({ "number": 1, "picks": { "cam0": [10.0, 20.5], "cam1": [160.0, 40.0] } });
-    let save = json!({ "version": saved["version"], "picked": { "points": [outside], "scale": null } });
+    let save = json!({ "version": saved["version"], "picked": { "points": [outside], "scale": [] } });
     let (status, error) = told(page.address, "PUT", "/project", Some(&save));
     assert!(status == 422 && error["error"].as_str().unwrap().contains("point 1, cam1"), "{error}");
 }
