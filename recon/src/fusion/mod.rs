@@ -1,7 +1,8 @@
 //! Fusion of all cameras' surfaces to the room's oriented, coloured discs, in the world frame.
 //!
-//! Surfaces that two cameras see alike are kept once, from the camera with the finer resolution ([`Witness`]); surfaces
-//! that one camera looks through are dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not
+//! Surfaces that another camera looks through are dropped ([`Witness`]). Of what is left, surfaces that two cameras see alike are kept
+//! once where one sees them clearly finer, or measured what the other filled in; of two measurements that are equally good each camera
+//! keeps its own, since the other's is off in its view by the error of their poses. Smooth regions become larger discs ([`blocks`]), so that a wall does not
 //! cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no camera sees the place
 //! itself.
 
@@ -24,6 +25,8 @@ use witness::Witness;
 pub struct FusionOptions {
     /// Relative difference of two cameras' depths below which they are the same surface.
     pub same_surface: f32,
+    /// Ratio of the radii of two measured discs of the same surface below which the finer alone is kept.
+    pub finer: f32,
     /// Largest radius of a disc in another camera's image, pixels; coarser discs are dropped, since that camera
     /// resolves the surface itself.
     pub largest_radius_px: f32,
@@ -33,7 +36,7 @@ pub struct FusionOptions {
 
 impl Default for FusionOptions {
     fn default() -> Self {
-        Self { same_surface: 0.03, largest_radius_px: 4.0, flatness: 0.003 }
+        Self { same_surface: 0.03, finer: 0.7, largest_radius_px: 4.0, flatness: 0.003 }
     }
 }
 
@@ -65,22 +68,32 @@ pub fn fuse(
     options: &FusionOptions,
 ) -> (Vec<Disc>, FusionReport) {
     let mut report = FusionReport::default();
+    let witnesses = |index: usize| {
+        let others = surfaces.iter().enumerate().filter(move |(other, _)| *other != index);
+        others.map(move |(other, witness)| {
+            let witness_from_camera = world_from_camera[other].inverse() * world_from_camera[index];
+            Witness::new(witness, &witness_from_camera, other < index)
+        })
+    };
+    // A surface that is dropped itself is no reason to drop another camera's.
+    let standing: Vec<Vec<PixelVerdict>> = surfaces
+        .iter()
+        .enumerate()
+        .map(|(index, surface)| {
+            let others: Vec<Witness<'_>> = witnesses(index).collect();
+            (0..surface.depth.len()).into_par_iter().map(|i| standing(surface, i, &others, options)).collect()
+        })
+        .collect();
     let mut discs = Vec::new();
     for (index, surface) in surfaces.iter().enumerate() {
-        let others: Vec<Witness<'_>> = surfaces
-            .iter()
-            .enumerate()
-            .filter(|(other, _)| *other != index)
-            .map(|(other, witness)| {
-                Witness::new(
-                    witness,
-                    &(world_from_camera[other].inverse() * world_from_camera[index]),
-                    other < index,
-                )
-            })
-            .collect();
-        let verdicts: Vec<PixelVerdict> =
-            (0..surface.depth.len()).into_par_iter().map(|i| judge(surface, i, &others, options)).collect();
+        let others: Vec<Witness<'_>> = witnesses(index).collect();
+        let theirs = standing.iter().enumerate().filter(|(other, _)| *other != index).map(|(_, own)| own);
+        let rivals: Vec<(&Witness<'_>, &Vec<PixelVerdict>)> = others.iter().zip(theirs).collect();
+        let verdict = |i: usize| match standing[index][i] {
+            PixelVerdict::Keep if is_duplicate(surface, i, &rivals, options) => PixelVerdict::Duplicate,
+            verdict => verdict,
+        };
+        let verdicts: Vec<PixelVerdict> = (0..surface.depth.len()).into_par_iter().map(verdict).collect();
         report.pixels += verdicts.iter().filter(|v| **v != PixelVerdict::Nothing).count();
         report.duplicates += verdicts.iter().filter(|v| **v == PixelVerdict::Duplicate).count();
         report.seen_through += verdicts.iter().filter(|v| **v == PixelVerdict::SeenThrough).count();
@@ -110,7 +123,8 @@ enum PixelVerdict {
     TooCoarse,
 }
 
-fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOptions) -> PixelVerdict {
+/// Verdict about a pixel's surface by those that look at it from elsewhere, duplicates left in.
+fn standing(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOptions) -> PixelVerdict {
     let Some(point) = surface.point(i) else { return PixelVerdict::Nothing };
     for witness in others {
         let Some((u, v, z)) = witness.pixel(point) else { continue };
@@ -119,23 +133,8 @@ fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOp
         }
         let j = v * witness.surface.width() + u;
         let seen = witness.surface.depth[j];
-        if seen <= 0.0 {
-            continue;
-        }
-        let measured = witness.surface.origin[j] == DepthOrigin::Stereo;
-        if (z / seen - 1.0).abs() < options.same_surface {
-            let (own, other) = (surface.radius(i) * witness.scale, witness.surface.radius(j));
-            let own_measured = surface.origin[i] == DepthOrigin::Stereo;
-            // Measured beats filled in; then the finer; then the camera that comes first.
-            let other_better = match (own_measured, measured) {
-                (true, false) => false,
-                (false, true) => true,
-                _ => other < 0.999 * own || (witness.first && other < 1.001 * own),
-            };
-            if other_better {
-                return PixelVerdict::Duplicate;
-            }
-        } else if measured && z < seen && witness.looks_past((u, v), z, options.same_surface) {
+        let is_measured = seen > 0.0 && witness.surface.origin[j] == DepthOrigin::Stereo;
+        if is_measured && witness.looks_past((u, v), z, options.same_surface) {
             let filled = surface.origin[i] == DepthOrigin::Filled;
             if filled || surface.agreeing[i] <= witness.surface.agreeing[j] {
                 return PixelVerdict::SeenThrough;
@@ -143,6 +142,34 @@ fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOp
         }
     }
     PixelVerdict::Keep
+}
+
+/// Tells whether another camera, whose pixels have these verdicts, shows the surface of a pixel better, and keeps it.
+fn is_duplicate(
+    surface: &Surface,
+    i: usize,
+    others: &[(&Witness<'_>, &Vec<PixelVerdict>)],
+    options: &FusionOptions,
+) -> bool {
+    let Some(point) = surface.point(i) else { return false };
+    others.iter().any(|(witness, standing)| {
+        let Some((u, v, z)) = witness.pixel(point) else { return false };
+        let j = v * witness.surface.width() + u;
+        let seen = witness.surface.depth[j];
+        let is_same = seen > 0.0 && (z / seen - 1.0).abs() < options.same_surface;
+        if !is_same || standing[j] != PixelVerdict::Keep {
+            return false;
+        }
+        let (own, other) = (surface.radius(i) * witness.scale, witness.surface.radius(j));
+        let is_measured = [surface.origin[i], witness.surface.origin[j]].map(|o| o == DepthOrigin::Stereo);
+        match is_measured {
+            [true, false] => false,
+            [false, true] => true,
+            [true, true] => other < options.finer * own,
+            // Planes that both filled in: the finer, then the camera that comes first.
+            [false, false] => other < 0.999 * own || (witness.first && other < 1.001 * own),
+        }
+    })
 }
 
 fn moved(disc: &Disc, world: &Similarity3<f64>) -> Disc {
@@ -188,6 +215,38 @@ mod tests {
                 .filter(|d| d.center.x.abs() < 0.9 && d.center.y.abs() < 0.9)
                 .all(|d| d.radius < 0.15)
         );
+    }
+
+    /// The second camera's wall is finer, but a third one sees through its left half: the first camera keeps its own there.
+    #[test]
+    fn a_finer_surface_that_is_dropped_itself_takes_nothing_with_it() {
+        let mut through = wall(4.0, 64, DepthOrigin::Stereo);
+        for (i, agreeing) in through.agreeing.iter_mut().enumerate() {
+            *agreeing = if i % 64 < 32 { 4 } else { 0 };
+            through.depth[i] = if i % 64 < 32 { 4.0 } else { 0.0 };
+        }
+        let mut trusted = wall(2.0, 32, DepthOrigin::Stereo);
+        trusted.agreeing.fill(9);
+        let views = [trusted, wall(2.0, 64, DepthOrigin::Stereo), through];
+        let still = [Similarity3::identity(); 3];
+        let (discs, report) = fuse(&views, &[], &still, &FusionOptions::default());
+        assert!(report.seen_through > 1700 && report.duplicates > 400, "{report:?}");
+        let covered = |x: f32| {
+            discs.iter().any(|d| {
+                (d.center.z - 2.0).abs() < 1e-3 && (d.center.x - x).hypot(d.center.y - 0.3) <= d.radius
+            })
+        };
+        assert!([-0.9, -0.5, -0.1, 0.1, 0.5, 0.9].into_iter().all(covered), "{report:?}");
+    }
+
+    #[test]
+    fn each_camera_keeps_its_own_measurement_where_both_are_as_fine() {
+        let views = [wall(2.0, 32, DepthOrigin::Stereo), wall(2.02, 32, DepthOrigin::Stereo)];
+        let still = [Similarity3::identity(); 2];
+        let (_, report) = fuse(&views, &[], &still, &FusionOptions::default());
+        assert_eq!((report.duplicates, report.seen_through), (0, 0), "{report:?}");
+        let filled = [wall(2.0, 32, DepthOrigin::Filled), wall(2.02, 32, DepthOrigin::Filled)];
+        assert!(fuse(&filled, &[], &still, &FusionOptions::default()).1.duplicates >= 900);
     }
 
     #[test]
