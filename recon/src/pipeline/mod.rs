@@ -36,6 +36,7 @@ use crate::merge::CaptureMotion;
 use crate::plumb;
 use crate::project::{Project, ProjectCamera, scale_place};
 use crate::scale;
+use crate::scale::board::Square;
 use crate::surface::Surface;
 use crate::verdict::Light;
 use crate::working_size::WorkingSize;
@@ -118,13 +119,7 @@ pub fn build(
         figures.push(camera.processed.report.figures(&camera.processed.lens));
         project.move_pixels(index, &camera.processed.at_once(reference));
         measured.push(depths);
-        for (length, board) in boards {
-            let place = scale_place(length + 1, project.lengths.len());
-            let board =
-                board.map_err(|problem| Error::content(&project.path, format!("{place}, board"), problem))?;
-            tracing::info!("{}: the board that gives the metres is seen whole in {board}", camera.name);
-            squares[length] = Some(board);
-        }
+        take_squares(&mut squares, &project, &camera.name, boards)?;
         edges.push(lines);
         cameras.push((camera, keys));
     }
@@ -181,6 +176,23 @@ pub fn build(
     }
     step("done".into());
     Ok(report)
+}
+
+/// Notes the sides of the boards that one camera's capture shows, each at its length's index.
+fn take_squares(
+    squares: &mut [Option<Square>],
+    project: &Project,
+    camera: &str,
+    boards: Vec<(usize, std::result::Result<Square, String>)>,
+) -> Result<()> {
+    for (length, board) in boards {
+        let place = scale_place(length + 1, project.lengths.len());
+        let board =
+            board.map_err(|problem| Error::content(&project.path, format!("{place}, board"), problem))?;
+        tracing::info!("{camera}: the board that gives the metres is seen whole in {board}");
+        squares[length] = Some(board);
+    }
+    Ok(())
 }
 
 /// Captures of a project's cameras, all checked before the first is processed.

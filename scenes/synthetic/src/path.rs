@@ -65,11 +65,15 @@ pub(super) fn plan(
     let reachable = floor.reachable(&stops.first()?.place);
     for stop in stops.iter().skip(1) {
         let goal = floor.cell(&stop.place);
-        if !reachable.iter().any(|cell| distance(*cell, goal) <= ARRIVED) {
-            return None;
-        }
+        let arrived = |&(cell, _): &(FloorCell, usize)| distance(cell, goal) <= ARRIVED;
         let from = (*cells.last()?, first_step + cells.len() - 1);
         let latest = from.1 + LONGEST_STEPS;
+        // Nor is there a way where people stand around the goal until the latest step.
+        let around: Vec<FloorCell> = reachable.iter().filter(|cell| arrived(&(**cell, 0))).copied().collect();
+        let is_open = |step| around.iter().any(|cell| is_apart(*cell, step));
+        if around.is_empty() || !arrived(&from) && !(from.1 + 1..=latest).any(is_open) {
+            return None;
+        }
         let successors = |&(cell, step): &(FloorCell, usize)| {
             let allowed = step < latest;
             let next = moves
@@ -84,7 +88,6 @@ pub(super) fn plan(
             fitting.map(|(to, step, cost)| ((to, step), cost)).collect::<Vec<_>>()
         };
         let left = |&(cell, _): &(FloorCell, usize)| distance(cell, goal).saturating_sub(ARRIVED);
-        let arrived = |&(cell, _): &(FloorCell, usize)| distance(cell, goal) <= ARRIVED;
         let (found, _) = astar(&from, successors, left, arrived)?;
         cells.extend(found.into_iter().skip(1).map(|(cell, _)| cell));
         let here = *cells.last()?;
@@ -275,6 +278,20 @@ mod tests {
             }
             last = Some((place, direction));
         }
+    }
+
+    #[test]
+    fn a_place_where_somebody_stands_is_gone_to_when_they_leave() {
+        let floor = hall();
+        // The first stands at the goal for 50 s, or for longer than anybody waits.
+        let until = |stay_s| {
+            let standing = [stop(4.0, 2.5), Stop { stay_s, ..stop(4.2, 2.5) }, stop(7.3, 4.0)];
+            let first = plan(&floor, &[], 0, &standing, 1.2).unwrap();
+            plan(&floor, &[first], 0, &[stop(0.6, 2.5), stop(4.2, 2.5)], 1.2)
+        };
+        let (_, places) = until(50.0).unwrap();
+        assert!((190..=220).contains(&places.len()), "{} steps", places.len());
+        assert!(until(100.0).is_none());
     }
 
     #[test]
