@@ -40,7 +40,7 @@ pub(crate) struct Build {
     /// The room directory to make; a room that is there already is replaced once the new one is finished.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Take the [[zone]] tables of this file; without it a replaced room's zones are kept.
+    /// Take the [[zone]] tables of this file, in the new room's coordinates; without it a replaced room's zones are preserved.
     #[arg(long, value_name = "FILE")]
     zones: Option<PathBuf>,
     /// Effort spent on stereo: a draft shows whether picks, floor and metres are right.
@@ -164,7 +164,7 @@ fn summarise(report: &BuildReport, console: &Console) {
             ));
         }
     }
-    tell_metres(&report.evidence, console);
+    print_residuals(&report.evidence, console);
     // A single camera is not joined to others.
     let picks = if report.cameras.len() > 1 {
         format!("picks to {:.2} px, ", report.pick_rms_px)
@@ -180,7 +180,7 @@ fn summarise(report: &BuildReport, console: &Console) {
 }
 
 /// Prints how far known lengths and control points are off in the room, a line each. One length alone is as given.
-fn tell_metres(evidence: &RoomEvidence, console: &Console) {
+fn print_residuals(evidence: &RoomEvidence, console: &Console) {
     if evidence.lengths.len() > 1 {
         for length in &evidence.lengths {
             let LengthResidual { name, known_m, found_m, sigma_m } = length;

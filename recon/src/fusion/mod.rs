@@ -1,10 +1,10 @@
 //! Fusion of all cameras' surfaces to the room's oriented, coloured discs, in the world frame.
 //!
-//! Surfaces that another camera looks through are dropped ([`Witness`]). Of what is left, surfaces that two cameras see alike are kept
-//! once where one sees them clearly finer, or measured what the other filled in; of two measurements that are equally good each camera
-//! keeps its own, since the other's is off in its view by the error of their poses. Smooth regions become larger discs ([`blocks`]), so that a wall does not
-//! cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no camera sees the place
-//! itself.
+//! Surfaces that another camera looks through are dropped ([`Witness`]). Of what is left, surfaces that two cameras see alike are
+//! kept once where one sees them clearly finer, or measured what the other filled in. Of two measurements that are equally good
+//! each camera keeps its own, since the other's is off in its view by the error of their poses. Smooth regions become larger discs
+//! ([`blocks`]), so that a wall does not cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no
+//! camera sees the place itself.
 
 mod blocks;
 pub(crate) mod key_frames;
@@ -76,21 +76,25 @@ pub fn fuse(
         })
     };
     // A surface that is dropped itself is no reason to drop another camera's.
-    let standing: Vec<Vec<PixelVerdict>> = surfaces
+    let without_duplicates: Vec<Vec<PixelVerdict>> = surfaces
         .iter()
         .enumerate()
         .map(|(index, surface)| {
             let others: Vec<Witness<'_>> = witnesses(index).collect();
-            (0..surface.depth.len()).into_par_iter().map(|i| standing(surface, i, &others, options)).collect()
+            (0..surface.depth.len())
+                .into_par_iter()
+                .map(|i| contradiction(surface, i, &others, options))
+                .collect()
         })
         .collect();
     let mut discs = Vec::new();
     for (index, surface) in surfaces.iter().enumerate() {
         let others: Vec<Witness<'_>> = witnesses(index).collect();
-        let theirs = standing.iter().enumerate().filter(|(other, _)| *other != index).map(|(_, own)| own);
-        let rivals: Vec<(&Witness<'_>, &Vec<PixelVerdict>)> = others.iter().zip(theirs).collect();
-        let verdict = |i: usize| match standing[index][i] {
-            PixelVerdict::Keep if is_duplicate(surface, i, &rivals, options) => PixelVerdict::Duplicate,
+        let verdicts = without_duplicates.iter().enumerate().filter(|(other, _)| *other != index);
+        let judged: Vec<(&Witness<'_>, &Vec<PixelVerdict>)> =
+            others.iter().zip(verdicts.map(|(_, verdicts)| verdicts)).collect();
+        let verdict = |i: usize| match without_duplicates[index][i] {
+            PixelVerdict::Keep if is_duplicate(surface, i, &judged, options) => PixelVerdict::Duplicate,
             verdict => verdict,
         };
         let verdicts: Vec<PixelVerdict> = (0..surface.depth.len()).into_par_iter().map(verdict).collect();
@@ -123,8 +127,13 @@ enum PixelVerdict {
     TooCoarse,
 }
 
-/// Verdict about a pixel's surface by those that look at it from elsewhere, duplicates left in.
-fn standing(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOptions) -> PixelVerdict {
+/// Verdict about a pixel's surface by the cameras that look at it from elsewhere; duplicates stay.
+fn contradiction(
+    surface: &Surface,
+    i: usize,
+    others: &[Witness<'_>],
+    options: &FusionOptions,
+) -> PixelVerdict {
     let Some(point) = surface.point(i) else { return PixelVerdict::Nothing };
     for witness in others {
         let Some((u, v, z)) = witness.pixel(point) else { continue };
@@ -152,12 +161,12 @@ fn is_duplicate(
     options: &FusionOptions,
 ) -> bool {
     let Some(point) = surface.point(i) else { return false };
-    others.iter().any(|(witness, standing)| {
+    others.iter().any(|(witness, verdicts)| {
         let Some((u, v, z)) = witness.pixel(point) else { return false };
         let j = v * witness.surface.width() + u;
         let seen = witness.surface.depth[j];
         let is_same = seen > 0.0 && (z / seen - 1.0).abs() < options.same_surface;
-        if !is_same || standing[j] != PixelVerdict::Keep {
+        if !is_same || verdicts[j] != PixelVerdict::Keep {
             return false;
         }
         let (own, other) = (surface.radius(i) * witness.scale, witness.surface.radius(j));

@@ -77,7 +77,7 @@ pub fn build(
 ) -> Result<BuildReport> {
     options.check()?;
     let mut project = Project::read_to_build(project_file)?;
-    let given = options.zones.as_deref().map(scenes::room::read_markings).transpose()?;
+    let from_file = options.zones.as_deref().map(scenes::room::read_markings).transpose()?;
     let before = output::check_target(out)?;
     let of = project.cameras.len() * STEPS_A_CAMERA + STEPS_A_ROOM;
     let mut number = 0;
@@ -149,8 +149,9 @@ pub fn build(
     for (entry, size) in room.cameras.iter_mut().zip(&sizes) {
         entry.camera.intrinsics = size.filmed_lens(&entry.camera.intrinsics);
     }
-    if let Some(moved) = markings::take_over(&mut room, before, given) {
-        report.verdict.note(moved);
+    let is_surveyed = !project.control_points.is_empty();
+    if let Some(note) = markings::take_over(&mut room, before, from_file, is_surveyed) {
+        report.verdict.note(note);
     }
 
     step("writing the room and its previews".into());

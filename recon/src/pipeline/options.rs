@@ -16,7 +16,7 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BuildOptions {
-    /// File with the zones of the new room; without it the zones of a replaced room are kept.
+    /// File with the zones of the new room, in its coordinates; without it the zones of a replaced room are preserved.
     #[serde(skip_deserializing)]
     pub zones: Option<PathBuf>,
     /// Seed of everything random; the room is the same for the same seed, at any number of threads.
@@ -96,6 +96,7 @@ impl BuildOptions {
             ("planes.speckle_share", planes.speckle_share.into()),
             ("assemble.floor.largest_behind", floor.largest_behind),
             ("assemble.floor.least_share", floor.least_share),
+            ("assemble.fusion.finer", fusion.finer.into()),
         ];
         let positive = [
             ("motion.features.min_distance_px", features.min_distance_px),
@@ -183,6 +184,7 @@ mod tests {
         for (text, words) in [
             ("[dense]\nsources = 9", "dense.sources: 9 is not one of 1 to 8"),
             ("[motion]\nmin_registered = 1.5", "motion.min_registered: 1.5 is no share"),
+            ("[assemble.fusion]\nfiner = 1.1", "assemble.fusion.finer: 1.1"),
             ("[planes]\nedge_px = nan", "planes.edge_px: NaN is not greater than 0"),
             ("\n[motion]\nsead = 3", "line 3: unknown field `sead`"),
             ("seed = 3", "line 1: unknown field `seed`"),

@@ -78,7 +78,7 @@ pub fn save_picked(
     if ProjectVersion::of(&text) != *version {
         return Err(Error::Changed(path.to_owned()));
     }
-    let rewritten = rewritten(&text, picked).map_err(|problem| Error::content(path, "[[point]]", problem))?;
+    let rewritten = rewritten(&text, picked).map_err(|problem| Error::content(path, "picks", problem))?;
     let file: ProjectFile = calib::files::parse_toml(path, &rewritten)?;
     let cameras = file.cameras(path)?;
     file.points(path, &cameras)?;
@@ -109,7 +109,9 @@ fn rewritten(text: &str, picked: &Picked) -> std::result::Result<String, String>
     if !after.is_empty() {
         document.insert("point", Item::ArrayOfTables(after));
     }
-    set_scales(&mut document, &picked.scale)?;
+    if !toml::from_str::<ProjectFile>(text).is_ok_and(|file| file.scale == picked.scale) {
+        set_scales(&mut document, &picked.scale)?;
+    }
     let mut rewritten = document.to_string();
     if !text.ends_with('\n') && rewritten.ends_with('\n') {
         rewritten.pop();
@@ -145,26 +147,28 @@ fn set_scales(document: &mut DocumentMut, scales: &[ScaleTable]) -> std::result:
     if scales.is_empty() {
         return Ok(());
     }
-    let mut tables = match document.remove("scale") {
-        None if scales.len() == 1 => {
-            let mut table = spaced();
-            set_scale(&mut table, &scales[0])?;
-            document.insert("scale", Item::Table(table));
-            return Ok(());
-        }
-        Some(mut one) if scales.len() == 1 && !one.is_array_of_tables() => {
-            set_scale(one.as_table_like_mut().ok_or("`scale` is no table")?, &scales[0])?;
-            document.insert("scale", one);
-            return Ok(());
-        }
-        None => ArrayOfTables::new(),
-        Some(Item::ArrayOfTables(tables)) => tables,
-        Some(one) => {
-            let table = one
-                .into_table()
-                .map_err(|_| "`scale` is no table; write it as [scale] or as [[scale]] tables")?;
+    let comment = document.key("scale").and_then(|key| key.leaf_decor().prefix().cloned());
+    let item = document.entry("scale").or_insert_with(|| match scales {
+        [_] => Item::Table(spaced()),
+        _ => Item::ArrayOfTables(ArrayOfTables::new()),
+    });
+    if let ([scale], Some(table)) = (scales, item.as_table_like_mut()) {
+        return set_scale(table, scale);
+    }
+    let problem =
+        "`scale` is neither a table nor an array of tables; write it as [scale], or as [[scale]] tables";
+    let is_inline = item.is_inline_table();
+    let mut tables = match std::mem::take(item) {
+        one @ (Item::Table(_) | Item::Value(Value::InlineTable(_))) => {
+            let mut table = one.into_table().map_err(|_| problem)?;
+            // Of `scale.camera = …`, too.
+            table.set_dotted(false);
+            if let Some(comment) = comment.filter(|_| is_inline) {
+                table.decor_mut().set_prefix(comment);
+            }
             ArrayOfTables::from_iter([table])
         }
+        several => several.into_array_of_tables().map_err(|_| problem)?,
     };
     let stated = |table: &Table| toml::from_str::<ScaleTable>(&table.to_string()).ok();
     // Those that are no longer asked for go, from the end on, until as many are left.
@@ -183,7 +187,7 @@ fn set_scales(document: &mut DocumentMut, scales: &[ScaleTable]) -> std::result:
     for (table, scale) in tables.iter_mut().zip(scales) {
         set_scale(table, scale)?;
     }
-    document.insert("scale", Item::ArrayOfTables(tables));
+    *item = Item::ArrayOfTables(tables);
     Ok(())
 }
 
@@ -300,16 +304,6 @@ mod tests {
         assert_eq!(metres.to_bits(), 1.2f64.to_bits());
     }
 
-    fn length_in_b() -> ScaleTable {
-        ScaleTable {
-            camera: "b".into(),
-            from: Some([1.0, 1.0]),
-            to: Some([9.0, 9.0]),
-            metres: Some(1.2),
-            ..ScaleTable::default()
-        }
-    }
-
     #[test]
     fn a_second_length_makes_an_array_and_its_removal_leaves_the_other_as_it_was() {
         let (_folder, path) = project();
@@ -318,12 +312,44 @@ mod tests {
         let (mut saved, version) = save_picked(&path, &version, &picked).unwrap();
         let several = text(&path);
         assert_eq!(saved.scale, picked.scale, "{several}");
-        assert_eq!(several.matches("[[scale]]").count(), 2, "{several}");
-        assert!(several.contains("height = 2.4 # ladder"), "{several}");
-        saved.scale.remove(0);
+        let kept = "\n[[scale]]\ncamera = \"a\"\nheight = 2.4 # ladder\n";
+        assert!(several.contains(kept) && several.matches("[[scale]]").count() == 2, "{several}");
+        saved.scale.pop();
+        let (mut saved, version) = save_picked(&path, &version, &saved).unwrap();
+        assert_eq!(text(&path), PROJECT.replace("[scale]", "[[scale]]"));
+        saved.scale = vec![length_in_b()];
         let (saved, _) = save_picked(&path, &version, &saved).unwrap();
         assert_eq!(saved.scale, [length_in_b()]);
-        assert!(!text(&path).contains("ladder"), "{}", text(&path));
+    }
+
+    #[test]
+    fn scales_in_other_notations_get_a_second_one() {
+        for notation in [
+            "# laser\nscale = { camera = \"a\", height = 2.4 }\n",
+            "# laser\nscale.camera = \"a\"\nscale.height = 2.4\n",
+            "# laser\nscale = [{ camera = \"a\", height = 2.4 }]\n",
+        ] {
+            let (_folder, path) = project();
+            let tables = PROJECT.split("\n[scale]").next().unwrap();
+            std::fs::write(&path, format!("{notation}{tables}")).unwrap();
+            let before = text(&path);
+            let (mut picked, version) = read_picked(&path).unwrap();
+            assert_eq!(save_picked(&path, &version, &picked).unwrap().1, version, "{}", text(&path));
+            assert_eq!(text(&path), before);
+            picked.scale.push(length_in_b());
+            let (saved, _) = save_picked(&path, &version, &picked).unwrap();
+            assert_eq!(saved.scale, picked.scale, "{}", text(&path));
+        }
+    }
+
+    fn length_in_b() -> ScaleTable {
+        ScaleTable {
+            camera: "b".into(),
+            from: Some([1.0, 1.0]),
+            to: Some([9.0, 9.0]),
+            metres: Some(1.2),
+            ..ScaleTable::default()
+        }
     }
 
     fn named(name: &str) -> crate::project::ProjectCamera {

@@ -10,7 +10,7 @@ use nalgebra::{
 };
 use serde::Serialize;
 
-use super::{JoinedPictures, LengthEstimate, Located, SHAPE_SIGMA};
+use super::{JoinedPictures, LARGEST_SIGMA, LengthEstimate, Located, SHAPE_SIGMA};
 use crate::floor::{self, Plane};
 use crate::{Error, Result};
 
@@ -29,7 +29,8 @@ pub struct ControlResidual {
     pub sigma_m: f64,
 }
 
-/// Positions of the control points in the common frame: the mean of those by each of their pixels.
+/// Positions of the control points in the common frame, with their standard deviations: the weighted mean of those by each of
+/// their pixels.
 fn located(joined: &JoinedPictures<'_>) -> Result<Vec<(Point3<f64>, f64)>> {
     let numbered = (1..).zip(&joined.project.control_points);
     let of_point = |(number, point): (usize, &crate::project::ControlPoint)| {
@@ -41,10 +42,10 @@ fn located(joined: &JoinedPictures<'_>) -> Result<Vec<(Point3<f64>, f64)>> {
                 joined.located(*camera, pixel, &format!("[[control]] {number}, {name}"))
             })
             .collect::<Result<_>>()?;
-        let count = seen.len() as f64;
-        let mean = seen.iter().map(|s| s.place.coords).sum::<Vector3<f64>>() / count;
-        let variance = seen.iter().map(|s| s.along_ray.powi(2) + s.across_ray.powi(2)).sum::<f64>();
-        Ok((Point3::from(mean), variance.sqrt() / count))
+        let weight = |s: &Located| 1.0 / (s.along_ray.powi(2) + s.across_ray.powi(2));
+        let weights: f64 = seen.iter().map(weight).sum();
+        let mean = seen.iter().map(|s| s.place.coords * weight(s)).sum::<Vector3<f64>>() / weights;
+        Ok((Point3::from(mean), weights.sqrt().recip()))
     };
     numbered.map(of_point).collect()
 }
@@ -61,11 +62,11 @@ pub(super) fn extent(joined: &JoinedPictures<'_>, floor: &Plane) -> Result<Optio
     let known: Vec<Point2<f64>> = points.iter().map(|point| point.place).collect();
     let (units, known_m) = (spread(&found), spread(&known));
     let variance = located.iter().map(|(_, sigma)| sigma.powi(2)).sum::<f64>() / located.len() as f64;
-    let sigma = (variance.sqrt() / units).hypot(SHAPE_SIGMA);
-    if units > 0.0 {
+    if variance.sqrt() < LARGEST_SIGMA * units {
+        let sigma = (variance.sqrt() / units).hypot(SHAPE_SIGMA);
         return Ok(Some(LengthEstimate { name: "[[control]], their extent".into(), known_m, units, sigma }));
     }
-    let problem = "all of them show the same point; pick points that lie apart";
+    let problem = "they show points too near each other, or too far away, to give the metres; pick points that lie apart";
     Err(Error::content(&joined.project.path, "[[control]]", problem))
 }
 
@@ -86,16 +87,18 @@ pub fn fit(
     let found: Vec<Point3<f64>> = located.iter().map(|(place, _)| world_from_common * place).collect();
     let flat: Vec<Point2<f64>> = found.iter().map(Point3::xy).collect();
     let known: Vec<Point2<f64>> = points.iter().map(|point| point.place).collect();
-    let motion = motion(&flat, &known);
+    let weights: Vec<f64> = located.iter().map(|(_, sigma)| sigma.powi(-2)).collect();
+    let motion = motion(&flat, &known, &weights);
     let mirrored: Vec<Point2<f64>> = flat.iter().map(|p| Point2::new(p.x, -p.y)).collect();
     let rms_m = |from: &[Point2<f64>], motion: &Isometry2<f64>| {
         let squares = from.iter().zip(&known).map(|(from, to)| (motion * from - to).norm_squared());
         (squares.sum::<f64>() / known.len() as f64).sqrt()
     };
-    let (right_m, mirrored_m) = (rms_m(&flat, &motion), rms_m(&mirrored, &self::motion(&mirrored, &known)));
+    let (right_m, mirrored_m) =
+        (rms_m(&flat, &motion), rms_m(&mirrored, &self::motion(&mirrored, &known, &weights)));
     if right_m > MIRRORED_M && right_m > MIRRORED * mirrored_m {
         let problem = format!(
-            "the points fit mirrored ({mirrored_m:.2} m; {right_m:.2} m as they are given): seen from above, y has to point to the \
+            "the points fit mirrored ({mirrored_m:.2} m; {right_m:.2} m unmirrored): seen from above, y has to point to the \
              left of x; in a plan whose y points down, change its sign"
         );
         return Err(Error::content(&joined.project.path, "[[control]]", problem));
@@ -118,22 +121,23 @@ pub fn fit(
 
 /// Root of the sum of squared distances from the mean.
 fn spread(points: &[Point2<f64>]) -> f64 {
-    let mean = mean(points);
+    let mean = mean(points, &vec![1.0; points.len()]);
     points.iter().map(|point| (point.coords - mean).norm_squared()).sum::<f64>().sqrt()
 }
 
-fn mean(points: &[Point2<f64>]) -> Vector2<f64> {
-    points.iter().map(|point| point.coords).sum::<Vector2<f64>>() / points.len() as f64
+fn mean(points: &[Point2<f64>], weights: &[f64]) -> Vector2<f64> {
+    let sum: Vector2<f64> = points.iter().zip(weights).map(|(point, weight)| point.coords * *weight).sum();
+    sum / weights.iter().sum::<f64>()
 }
 
-/// Motion in the plane that brings one set of points nearest to the other.
-fn motion(from: &[Point2<f64>], to: &[Point2<f64>]) -> Isometry2<f64> {
-    let (from_mean, to_mean) = (mean(from), mean(to));
+/// Motion in the plane that brings one set of points nearest to the other, by the weighted sum of squared distances.
+fn motion(from: &[Point2<f64>], to: &[Point2<f64>], weights: &[f64]) -> Isometry2<f64> {
+    let (from_mean, to_mean) = (mean(from, weights), mean(to, weights));
     let (mut dot, mut cross) = (0.0, 0.0);
-    for (a, b) in from.iter().zip(to) {
+    for ((a, b), weight) in from.iter().zip(to).zip(weights) {
         let (a, b) = (a.coords - from_mean, b.coords - to_mean);
-        dot += a.dot(&b);
-        cross += a.perp(&b);
+        dot += weight * a.dot(&b);
+        cross += weight * a.perp(&b);
     }
     let turn = Isometry2::rotation(cross.atan2(dot));
     Isometry2::new(to_mean - turn * from_mean, turn.rotation.angle())
@@ -147,14 +151,15 @@ mod tests {
     proptest! {
         #[test]
         fn a_motion_is_found_from_points_that_it_moved(
-            points in prop::collection::vec((-9.0..9.0_f64, -9.0..9.0_f64), 2..7),
+            points in prop::collection::vec((-9.0..9.0_f64, -9.0..9.0_f64, 0.1..10.0_f64), 2..7),
             (x, y, angle) in (-50.0..50.0_f64, -50.0..50.0_f64, -3.1..3.1_f64),
         ) {
-            let from: Vec<Point2<f64>> = points.iter().map(|(x, y)| Point2::new(*x, *y)).collect();
+            let from: Vec<Point2<f64>> = points.iter().map(|(x, y, _)| Point2::new(*x, *y)).collect();
             prop_assume!(spread(&from) > 0.1);
             let truth = Isometry2::new(Vector2::new(x, y), angle);
             let to: Vec<Point2<f64>> = from.iter().map(|p| truth * p).collect();
-            let found = motion(&from, &to);
+            let weights: Vec<f64> = points.iter().map(|(.., weight)| *weight).collect();
+            let found = motion(&from, &to, &weights);
             for point in &from {
                 prop_assert!((found * point - truth * point).norm() < 1e-9);
             }

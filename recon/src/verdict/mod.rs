@@ -169,7 +169,8 @@ fn sizes(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec
     // The first of the worst says it: one length makes all of them wrong.
     let worst = heights.chain([reach]).reduce(|worst, next| if next.0 > worst.0 { next } else { worst });
     if let Some((light, text)) = worst.filter(|(light, _)| *light > Light::Green) {
-        let mend = "[scale] is in metres, not in millimetres or centimetres: check it";
+        let mend =
+            "known lengths and control points are in metres, not in millimetres or centimetres: check them";
         reasons.push(Reason { light, text: format!("{text}: {mend}") });
     }
 }

@@ -24,7 +24,8 @@ pub struct Geo {
     pub latitude: f64,
     /// Longitude of the origin, degrees, east positive.
     pub longitude: f64,
-    /// Direction of the x axis, degrees clockwise from true north: in a reconstructed room, where the first camera looks.
+    /// Direction of the x axis, degrees clockwise from true north: in a reconstructed room where the first
+    /// camera looks, unless control points give the axes.
     pub heading: f64,
 }
 

@@ -86,7 +86,7 @@ function undo() {
   const { points: earlier, stated } = JSON.parse(before);
   points = earlier;
   selected = null;
-  scale.load(stated);
+  scale.restore(stated);
   changed();
 }
 
@@ -295,7 +295,7 @@ async function save() {
     return false;
   }
   if (scale.isOpen()) {
-    say("One of the scales has no metres yet: complete it, or remove it.", "warn");
+    say("One of the scales is incomplete: complete it, or remove it.", "warn");
     return false;
   }
   try {

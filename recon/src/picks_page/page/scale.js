@@ -5,22 +5,23 @@ const byId = (id) => document.getElementById(id);
 
 const kindOf = (table) => (table.board !== undefined ? "board" : table.height !== undefined ? "height" : "length");
 
-// A table as it is saved; null while it is not whole.
-function whole({ camera, from, to, metres, height, board, square }) {
+// A table as it is saved; null while it is incomplete.
+function complete({ camera, from, to, metres, height, board, square }) {
   if (from && to && metres > 0) return { camera, from, to, metres };
   if (height > 0) return { camera, height };
   if (board && square > 0) return { camera, board, square };
   return null;
 }
 
-const words = {
+const labels = {
   length: ({ camera, from, metres }) => (from ? `${metres ?? "?"} m in ${camera}` : "a length"),
   height: ({ camera, height }) => `${camera} is ${height ?? "?"} m high`,
   board: ({ camera, board, square }) => `board ${board || "?"} of ${square ?? "?"} m in ${camera}`,
 };
 
 export class ScaleForm {
-  stated = [{}]; // what is stated, whole or not: at least one
+  stated = [{}]; // what is stated, complete or not: at least one
+  hasFile = false; // whether the file has a scale
   chosen = 0; // the one in the form
   ends = null; // of a length while it is clicked: { camera, pixels }
 
@@ -44,9 +45,16 @@ export class ScaleForm {
     byId("scale-camera").replaceChildren(...cameras.map((name) => new Option(name, name)));
   }
 
+  // Takes what the file has.
   load(tables) {
-    const given = tables.map((table) => Object.fromEntries(Object.entries(table).filter(([, value]) => value !== null)));
-    this.stated = given.length > 0 ? given : [{}];
+    this.hasFile = tables.length > 0;
+    const known = tables.map((table) => Object.fromEntries(Object.entries(table).filter(([, value]) => value !== null)));
+    this.restore(known.length > 0 ? known : [{}]);
+  }
+
+  // Goes back to what was stated before.
+  restore(stated) {
+    this.stated = stated;
     this.chosen = Math.min(this.chosen, this.stated.length - 1);
     this.ends = null;
     this.#show();
@@ -54,12 +62,12 @@ export class ScaleForm {
 
   // The tables as they are saved; none leave the file's.
   whole() {
-    return this.stated.map(whole).filter(Boolean);
+    return this.stated.map(complete).filter(Boolean);
   }
 
-  // Whether one of several is not whole: it would be lost.
+  // Whether one is incomplete beside others, or in place of the file's: it would be lost.
   isOpen() {
-    return this.stated.length > 1 && this.stated.some((table) => !whole(table));
+    return (this.stated.length > 1 || this.hasFile) && !this.stated.every(complete);
   }
 
   // One end of the length is clicked.
@@ -89,14 +97,14 @@ export class ScaleForm {
     byId("ends").setAttribute("aria-pressed", this.ends !== null);
     byId("ends-said").value = this.ends ? `${this.ends.pixels.length} of 2` : from ? `in ${camera}` : "";
     byId("scales").replaceChildren(...(this.stated.length > 1 ? this.stated.map((table, i) => this.#item(table, i)) : []));
-    byId("scale-add").disabled = !this.stated.every(whole);
+    byId("scale-add").disabled = !this.stated.every(complete);
   }
 
   #item(table, index) {
     const item = document.createElement("li");
     item.classList.toggle("selected", index === this.chosen);
     const choose = item.appendChild(document.createElement("button"));
-    Object.assign(choose, { type: "button", textContent: words[kindOf(table)](table) });
+    Object.assign(choose, { type: "button", textContent: labels[kindOf(table)](table) });
     choose.setAttribute("aria-pressed", index === this.chosen);
     choose.addEventListener("click", () => {
       this.chosen = index;
@@ -110,6 +118,8 @@ export class ScaleForm {
     remove.addEventListener("click", () => {
       this.before();
       this.stated.splice(index, 1);
+      this.ends = null;
+      if (index < this.chosen) this.chosen -= 1;
       this.chosen = Math.min(this.chosen, this.stated.length - 1);
       this.#show();
       this.after(true);

@@ -71,7 +71,7 @@ fn points_and_a_length_clicked_in_a_chromium_are_saved() {
     page.click("#scale-add");
     page.value("(() => { const kind = document.getElementById('scale-kind'); kind.value = 'height'; kind.dispatchEvent(new Event('change')); return 0; })()");
     page.press("s", CTRL);
-    page.wait_until("document.getElementById('message').textContent.includes('no metres yet')");
+    page.wait_until("document.getElementById('message').textContent.includes('is incomplete')");
     page.click("#metres");
     page.type_text("2.5");
     page.screenshot("picks-scales-1400.png");
