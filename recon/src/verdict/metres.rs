@@ -35,7 +35,7 @@ pub(super) fn lengths(lengths: &[LengthResidual], reasons: &mut Vec<Reason>) {
         let off_m = length.found_m - length.known_m;
         if off_m.abs() > (LENGTH_OFF * length.known_m).max(OFF_SIGMAS * length.sigma_m) {
             let text = format!(
-                "{} is {:.3} m, and comes out as {:.3} m: measure it again, or its pixels",
+                "{} is {:.3} m, and comes out as {:.3} m: measure it again, and check its table",
                 length.name, length.known_m, length.found_m
             );
             reasons.push(Reason { light: Light::Amber, text });
