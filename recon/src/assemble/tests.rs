@@ -51,6 +51,20 @@ fn project(points: Vec<PickedPoint>, length: KnownLength) -> Project {
     }
 }
 
+/// Captures of two cameras that are their surfaces alone.
+fn of_surfaces<'a>(surfaces: &'a [Surface], lenses: &'a [Intrinsics]) -> Captures<'a> {
+    static MEASURED: [Vec<MeasuredPixel>; 2] = [Vec::new(), Vec::new()];
+    Captures {
+        motions: &[],
+        surfaces,
+        key_frame_discs: &[],
+        lenses,
+        measured: &MEASURED,
+        edges: &[],
+        squares: &[],
+    }
+}
+
 #[test]
 fn furnished_rooms_come_out_metric_and_upright() {
     for seed in 1..=6 {
@@ -65,15 +79,7 @@ fn furnished_rooms_come_out_metric_and_upright() {
         let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
         let height_m = truth[0].center().z;
         let project = project(points, KnownLength::Height { camera: 0, height_m });
-        let captures = Captures {
-            motions: &[],
-            surfaces: &surfaces,
-            key_frame_discs: &[],
-            lenses: &lenses,
-            measured: &[vec![], vec![]],
-            edges: &[],
-            squares: &[],
-        };
+        let captures = of_surfaces(&surfaces, &lenses);
         let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
 
         let found = [0, 1].map(|i| &room.cameras[i].camera);
@@ -106,15 +112,7 @@ fn a_board_gives_the_metres_in_whichever_camera_it_is_seen() {
     let by = |camera: usize, square: Option<Square>| {
         let board = "9x6".parse().unwrap();
         let project = project(points.clone(), KnownLength::Board { camera, board, square_m: SQUARE_M });
-        let captures = Captures {
-            motions: &[],
-            surfaces: &surfaces,
-            key_frame_discs: &[],
-            lenses: &lenses,
-            measured: &[vec![], vec![]],
-            edges: &[],
-            squares: &[square],
-        };
+        let captures = Captures { squares: &[square], ..of_surfaces(&surfaces, &lenses) };
         assemble(&project, &captures, &AssembleOptions::default())
     };
     for (camera, unit_m) in UNITS_M.into_iter().enumerate() {
@@ -195,16 +193,7 @@ fn vertical_lines_in_pictures_level_a_bent_room() {
         let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
         let project = project(points, KnownLength::Height { camera: 0, height_m: truth[0].center().z });
         for (tilt_deg, edges) in tilts_deg.iter_mut().zip([&[][..], &edges]) {
-            let measured = &[vec![], vec![]];
-            let captures = Captures {
-                motions: &[],
-                surfaces: &surfaces,
-                key_frame_discs: &[],
-                lenses: &lenses,
-                measured,
-                edges,
-                squares: &[],
-            };
+            let captures = Captures { edges, ..of_surfaces(&surfaces, &lenses) };
             let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
             assert_eq!(report.floor.plumb_captures > 0, !edges.is_empty(), "seed {seed}: {report:?}");
             for (found, truth) in room.cameras.iter().zip(truth) {
@@ -275,15 +264,7 @@ fn several_lengths_give_the_metres_and_control_points_the_coordinates() {
         control_points,
         ..project(picked, KnownLength::Height { camera: 0, height_m: 1.0 })
     };
-    let captures = Captures {
-        motions: &[],
-        surfaces: &surfaces,
-        key_frame_discs: &[],
-        lenses: &lenses,
-        measured: &[vec![], vec![]],
-        edges: &[],
-        squares: &[],
-    };
+    let captures = of_surfaces(&surfaces, &lenses);
     let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
     for (found, truth) in room.cameras.iter().zip(truth) {
         let expected = plan * truth.center().xy();

@@ -8,10 +8,17 @@ use nalgebra::{Point2, Similarity2, UnitComplex, Vector2, Vector3};
 use scenes::polygon::Polygon;
 use scenes::room::{Geo, Markings, Room, RoomCamera};
 
-/// Change of a camera's place and heading that other captures or picks explain, metres and degrees, …
-const SAME: (f64, f64) = (0.3, 3.0);
-/// … and in rooms whose coordinates are those of control points.
-const SAME_SURVEYED: (f64, f64) = (0.05, 0.5);
+/// Change of a camera's place and heading that counts as none.
+#[derive(Debug, Clone, Copy)]
+struct Tolerance {
+    metres: f64,
+    degrees: f64,
+}
+
+/// Other captures or picks of the same cameras explain this much …
+const SAME: Tolerance = Tolerance { metres: 0.3, degrees: 3.0 };
+/// … and in rooms whose coordinates are those of control points, this much.
+const SAME_SURVEYED: Tolerance = Tolerance { metres: 0.05, degrees: 0.5 };
 
 /// Takes the markings of the room before over into a rebuilt one. Those `from_file` replace the old ones; a file without regions or
 /// lines leaves the old ones. `is_surveyed`: whether control points give the room's coordinates. Returns a note where coordinates have
@@ -79,8 +86,8 @@ enum CoordinateChange {
 }
 
 impl CoordinateChange {
-    /// The change on which most cameras agree, each to within metres and degrees.
-    fn between(before: &Room, now: &Room, tolerance: (f64, f64)) -> Self {
+    /// The change on which most cameras agree, each to within the tolerance.
+    fn between(before: &Room, now: &Room, tolerance: Tolerance) -> Self {
         let of_name = |name: &str| now.cameras.iter().find(|camera| camera.name == name);
         let pairs: Vec<(&RoomCamera, &RoomCamera)> =
             before.cameras.iter().filter_map(|old| Some((old, of_name(&old.name)?))).collect();
@@ -110,16 +117,11 @@ fn scales(pairs: &[(&RoomCamera, &RoomCamera)]) -> Vec<f64> {
     all.filter(|ratio| ratio.is_finite() && *ratio > 0.0).chain([1.0]).collect()
 }
 
-/// Whether a change of coordinates leaves a camera where it was.
-fn explains(
-    change: &Similarity2<f64>,
-    old: &RoomCamera,
-    new: &RoomCamera,
-    (metres, degrees): (f64, f64),
-) -> bool {
+/// Tells whether a change of coordinates leaves a camera where it was.
+fn explains(change: &Similarity2<f64>, old: &RoomCamera, new: &RoomCamera, tolerance: Tolerance) -> bool {
     let off_m = (change * old.camera.center().xy() - new.camera.center().xy()).norm();
     let turn = change.isometry.rotation.inverse() * turn_of(old, new);
-    off_m < metres && turn.angle().to_degrees().abs() < degrees
+    off_m < tolerance.metres && turn.angle().to_degrees().abs() < tolerance.degrees
 }
 
 /// Turn about the vertical from one camera's heading to the other's.

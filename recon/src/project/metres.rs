@@ -218,7 +218,7 @@ pub(super) fn control_points(
     if points.len() < LEAST_CONTROL_POINTS || widest_m < LEAST_SPREAD_M {
         let problem = format!(
             "control points give the room its place and direction: give {LEAST_CONTROL_POINTS} or more, at least \
-             {LEAST_SPREAD_M} m apart; {} are given, {widest_m:.2} m apart at most",
+             {LEAST_SPREAD_M} m apart; there are {}, {widest_m:.2} m apart at most",
             points.len()
         );
         return Err(Error::content(path, "[[control]]", problem));

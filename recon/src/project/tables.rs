@@ -88,7 +88,8 @@ impl ProjectFile {
     /// Lengths that are known in metres. None only where control points are.
     pub(super) fn lengths(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Vec<KnownLength>> {
         if self.scale.is_empty() && self.control.is_empty() {
-            let problem = "missing; a known distance, a camera's height, a calibration board or control points ([[control]]) fix the metres";
+            let problem = "missing; a known distance, a camera's height, a calibration board or control points ([[control]]) fix \
+                           the metres";
             return Err(Error::content(path, "[scale]", problem));
         }
         metres::lengths(path, &self.scale, cameras)

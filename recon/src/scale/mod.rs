@@ -74,11 +74,11 @@ pub struct JoinedPictures<'a> {
     pub merged: &'a Merged,
 }
 
-/// A point of the room with the standard deviations of its position, in the common unit.
+/// A point of the room in the common frame and unit, with the standard deviations of its position.
 #[derive(Debug, Clone, Copy)]
 struct Located {
     place: Point3<f64>,
-    /// Direction of the ray that shows it.
+    /// Unit vector along the ray that shows it.
     ray: Vector3<f64>,
     along_ray: f64,
     across_ray: f64,
@@ -219,13 +219,13 @@ impl JoinedPictures<'_> {
     fn located(&self, camera: usize, pixel: &Point2<f64>, place: &str) -> Result<Located> {
         let Self { project, surfaces, lenses, measured, merged } = *self;
         let common = &merged.common_from_camera[camera];
-        let located = || {
+        let found = || {
             let pinhole = pinhole_pixel(&lenses[camera], pixel)?;
             let surface = &surfaces[camera];
             let ray = surface.intrinsics.unproject(&pinhole)?;
             let centre =
                 |camera: usize| Point3::from(merged.common_from_camera[camera].isometry.translation.vector);
-            let located = |place: Point3<f64>, along: &dyn Fn(f64) -> f64| {
+            let at = |place: Point3<f64>, along: &dyn Fn(f64) -> f64| {
                 let far = (place - centre(camera)).norm();
                 let across_ray = far * PIXEL_SIGMA / surface.intrinsics.fx;
                 let ray = common.isometry.rotation * ray.normalize();
@@ -237,15 +237,15 @@ impl JoinedPictures<'_> {
                 let sine =
                     rays.map(|ray| ray.angle(&(place - centre(camera))).sin()).fold(LEAST_SINE, f64::max);
                 let along = |far: f64| far * PIXEL_SIGMA / surface.intrinsics.fx / sine;
-                return Some(located(place, &along));
+                return Some(at(place, &along));
             }
             if let Some(own) = measured_at(&measured[camera], pixel) {
                 let place = common * Point3::from(ray * own.depth.depth);
-                return Some(located(place, &|far| own.depth.sigma * far));
+                return Some(at(place, &|far| own.depth.sigma * far));
             }
-            Some(located(common * surface.point_at(&pinhole)?, &|far| DENSE_SIGMA * far))
+            Some(at(common * surface.point_at(&pinhole)?, &|far| DENSE_SIGMA * far))
         };
-        located().ok_or_else(|| {
+        found().ok_or_else(|| {
             let problem = format!(
                 "there is no depth at [{}, {}] of `{}`; choose a pixel on something textured",
                 pixel.x, pixel.y, project.cameras[camera].name

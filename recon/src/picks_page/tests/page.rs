@@ -69,7 +69,10 @@ fn points_and_a_length_clicked_in_a_chromium_are_saved() {
 
     // A camera's height as well: both are saved, and the first can go again.
     page.click("#scale-add");
-    page.value("(() => { const kind = document.getElementById('scale-kind'); kind.value = 'height'; kind.dispatchEvent(new Event('change')); return 0; })()");
+    page.value(
+        "(() => { const kind = document.getElementById('scale-kind'); kind.value = 'height'; \
+         kind.dispatchEvent(new Event('change')); return 0; })()",
+    );
     page.press("s", CTRL);
     page.wait_until("document.getElementById('message').textContent.includes('is incomplete')");
     page.click("#metres");
