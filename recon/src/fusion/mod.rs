@@ -1,8 +1,7 @@
 //! Fusion of all cameras' surfaces to the room's oriented, coloured discs, in the world frame.
 //!
 //! Surfaces that another camera looks through are dropped ([`Witness`]). Of what is left, surfaces that two cameras see alike are
-//! kept once where one sees them clearly finer, or measured what the other filled in. Of two measurements that are equally good
-//! each camera keeps its own, since the other's is off in its view by the error of their poses. Smooth regions become larger discs
+//! kept once: measured rather than filled in, then from the camera with the finer resolution. Smooth regions become larger discs
 //! ([`blocks`]), so that a wall does not cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no
 //! camera sees the place itself.
 
@@ -25,8 +24,6 @@ use witness::Witness;
 pub struct FusionOptions {
     /// Relative difference of two cameras' depths below which they are the same surface.
     pub same_surface: f32,
-    /// Ratio of the radii of two measured discs of the same surface below which the finer alone is kept.
-    pub finer: f32,
     /// Largest radius of a disc in another camera's image, pixels; coarser discs are dropped, since that camera
     /// resolves the surface itself.
     pub largest_radius_px: f32,
@@ -36,7 +33,7 @@ pub struct FusionOptions {
 
 impl Default for FusionOptions {
     fn default() -> Self {
-        Self { same_surface: 0.03, finer: 0.7, largest_radius_px: 4.0, flatness: 0.003 }
+        Self { same_surface: 0.03, largest_radius_px: 4.0, flatness: 0.003 }
     }
 }
 
@@ -174,9 +171,8 @@ fn is_duplicate(
         match is_measured {
             [true, false] => false,
             [false, true] => true,
-            [true, true] => other < options.finer * own,
-            // Planes that both filled in: the finer, then the camera that comes first.
-            [false, false] => other < 0.999 * own || (witness.first && other < 1.001 * own),
+            // The finer, then that of the camera that comes first.
+            _ => other < 0.999 * own || (witness.first && other < 1.001 * own),
         }
     })
 }
@@ -249,13 +245,15 @@ mod tests {
     }
 
     #[test]
-    fn each_camera_keeps_its_own_measurement_where_both_are_as_fine() {
-        let views = [wall(2.0, 32, DepthOrigin::Stereo), wall(2.02, 32, DepthOrigin::Stereo)];
+    fn of_two_equally_fine_surfaces_the_first_cameras_is_kept() {
         let still = [Similarity3::identity(); 2];
-        let (_, report) = fuse(&views, &[], &still, &FusionOptions::default());
-        assert_eq!((report.duplicates, report.seen_through), (0, 0), "{report:?}");
-        let filled = [wall(2.0, 32, DepthOrigin::Filled), wall(2.02, 32, DepthOrigin::Filled)];
-        assert!(fuse(&filled, &[], &still, &FusionOptions::default()).1.duplicates >= 900);
+        for origin in [DepthOrigin::Stereo, DepthOrigin::Filled] {
+            let views = [wall(2.0, 32, origin), wall(2.02, 32, origin)];
+            let (discs, report) = fuse(&views, &[], &still, &FusionOptions::default());
+            assert!(report.duplicates >= 900 && report.seen_through == 0, "{report:?}");
+            let middle = |d: &&Disc| d.center.x.abs() < 0.9 && d.center.y.abs() < 0.9;
+            assert!(discs.iter().filter(middle).all(|d| d.center.z < 2.01));
+        }
     }
 
     #[test]

@@ -96,7 +96,6 @@ impl BuildOptions {
             ("planes.speckle_share", planes.speckle_share.into()),
             ("assemble.floor.largest_behind", floor.largest_behind),
             ("assemble.floor.least_share", floor.least_share),
-            ("assemble.fusion.finer", fusion.finer.into()),
         ];
         let positive = [
             ("motion.features.min_distance_px", features.min_distance_px),
@@ -184,7 +183,6 @@ mod tests {
         for (text, words) in [
             ("[dense]\nsources = 9", "dense.sources: 9 is not one of 1 to 8"),
             ("[motion]\nmin_registered = 1.5", "motion.min_registered: 1.5 is no share"),
-            ("[assemble.fusion]\nfiner = 1.1", "assemble.fusion.finer: 1.1"),
             ("[planes]\nedge_px = nan", "planes.edge_px: NaN is not greater than 0"),
             ("\n[motion]\nsead = 3", "line 3: unknown field `sead`"),
             ("seed = 3", "line 1: unknown field `seed`"),
