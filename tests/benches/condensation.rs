@@ -5,17 +5,20 @@
 //! `cargo bench -p tests --bench condensation [-- occlusion|entries|accuracy|time]`
 #![forbid(unsafe_code)]
 
+use std::collections::BTreeSet;
+
 use nalgebra::Point3;
 use rayon::prelude::*;
-use synthetic::{SyntheticRoom, WalkerOptions};
+use synthetic::{PersonTruth, SyntheticRoom, WalkerOptions};
 use tests::chain::StepResult;
 use tests::hall::{
-    behind_the_screen, empty_pictures, going_round, hall, hidden_from, nearest, passing_through, pictures,
-    recording, step, tracker,
+    behind_the_screen, empty_pictures, error_m, going_round, hall, hidden_from, nearest, passing_through,
+    pictures, recording, step, tracker,
 };
+use tracker::method::condensation::camera_edges::CameraEdges;
 use tracker::method::condensation::integration::Integration;
 use tracker::method::condensation::{Condensation, CondensationOptions};
-use tracker::{PersonEstimate, TrackId};
+use tracker::{Moment, PersonEstimate, TrackId};
 
 /// Pictures a second.
 const RATE_HZ: f64 = 12.0;
@@ -53,18 +56,21 @@ fn occlusion() -> StepResult<()> {
         let room = hall(trial, 6, true)?;
         let empty = empty_pictures(&room);
         let walkers = behind_the_screen(trial);
-        let mut trials = Vec::new();
+        let mut groups = Vec::new();
         for (_, options) in &variants {
+            let mut trials = Vec::new();
             for integration in Integration::ALL {
                 let options = CondensationOptions { integration, ..options.clone() };
                 trials.push(HeadTrial::new(tracker(&room, &empty, options)?));
             }
+            groups.push((trials[0].tracker.edges().clone(), trials));
         }
-        follow_behind_screen(&room, &walkers, &mut trials)?;
-        for (k, trial) in trials.iter().enumerate() {
-            let (v, i) = (k / Integration::ALL.len(), k % Integration::ALL.len());
-            found[v][i] += u32::from(trial.who.is_some());
-            lost[v][i] += u32::from(trial.who.is_some() && trial.is_lost);
+        follow_behind_screen(&room, &walkers, &mut groups)?;
+        for (v, (_, trials)) in groups.iter().enumerate() {
+            for (i, trial) in trials.iter().enumerate() {
+                found[v][i] += u32::from(trial.who.is_some());
+                lost[v][i] += u32::from(trial.who.is_some() && trial.is_lost);
+            }
         }
     }
     println!(
@@ -107,25 +113,28 @@ impl HeadTrial {
     }
 }
 
-/// Follows a person through the hall.
+/// Follows a person through the hall, by groups of trackers that differ in the integration alone and share their edges.
 fn follow_behind_screen(
     room: &SyntheticRoom,
     walkers: &WalkerOptions,
-    trials: &mut [HeadTrial],
+    groups: &mut [(CameraEdges, Vec<HeadTrial>)],
 ) -> StepResult<()> {
     let sequence = recording(room, walkers, RATE_HZ, 16.0);
     for frame in sequence.frames() {
         let pictures = pictures(&frame);
         let truth = frame.people.first().filter(|p| p.inside);
         let is_hidden = truth.is_some_and(|p| 2 * hidden_from(room, &p.head) >= pictures.len());
-        // Trackers know nothing of each other.
-        trials.par_iter_mut().try_for_each(|trial| -> StepResult<()> {
-            let people = step(&mut trial.tracker, &frame, &pictures)?;
-            if let Some(truth) = truth {
-                trial.judge(&people, &truth.head, is_hidden);
-            }
-            Ok(())
-        })?;
+        let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &pictures };
+        for (edges, trials) in &mut *groups {
+            edges.find(&moment);
+            // Trackers know nothing of each other.
+            trials.par_iter_mut().for_each(|trial| {
+                let people = trial.tracker.follow(moment.time_s, edges.images());
+                if let Some(truth) = truth {
+                    trial.judge(&people, &truth.head, is_hidden);
+                }
+            });
+        }
     }
     Ok(())
 }
@@ -133,34 +142,49 @@ fn follow_behind_screen(
 /// Twenty people come in one after the other.
 fn entries() -> StepResult<()> {
     const PEOPLE: usize = 20;
-    for (name, options) in
-        [("published", CondensationOptions::published()), ("default", CondensationOptions::default())]
-    {
-        let room = hall(21, 6, false)?;
-        let sequence = recording(&room, &passing_through(PEOPLE), RATE_HZ, 60.0);
-        let mut tracker = tracker(&room, &empty_pictures(&room), options)?;
-        let (mut found, mut came) = (vec![false; PEOPLE], vec![false; PEOPLE]);
-        let mut nobody = 0;
-        for frame in sequence.frames() {
-            let people = step(&mut tracker, &frame, &pictures(&frame))?;
-            for truth in frame.people.iter().filter(|p| p.inside) {
-                let i = truth.id as usize - 1;
-                came[i] = true;
-                found[i] |= nearest(&people, &truth.head).is_some_and(|(_, error)| error < ON_HEAD_M);
-            }
-            let is_nobody = |p: &&PersonEstimate| {
-                frame.people.iter().all(|t| tests::hall::error_m(p, &t.head) > 2.0 * ON_HEAD_M)
-            };
-            nobody += people.iter().filter(is_nobody).count();
+    let room = hall(21, 6, false)?;
+    let empty = empty_pictures(&room);
+    let mut trials = [
+        ("published", tracker(&room, &empty, CondensationOptions::published())?, Entries::default()),
+        ("default", tracker(&room, &empty, CondensationOptions::default())?, Entries::default()),
+    ];
+    let sequence = recording(&room, &passing_through(PEOPLE), RATE_HZ, 60.0);
+    for frame in sequence.frames() {
+        let pictures = pictures(&frame);
+        for (_, tracker, entries) in &mut trials {
+            entries.take(&step(tracker, &frame, &pictures)?, &frame.people);
         }
-        let count = |flags: &[bool]| flags.iter().filter(|f| **f).count();
+    }
+    for (name, _, Entries { came, found, nobody }) in &trials {
         println!(
             "entries ({name}): {} of {} found (paper: 8 of 10; asked: 20 of 20); rows that are nobody: {nobody}",
-            count(&found),
-            count(&came)
+            found.len(),
+            came.len()
         );
     }
     Ok(())
+}
+
+/// Who came in, and who of them was found.
+#[derive(Default)]
+struct Entries {
+    came: BTreeSet<u32>,
+    found: BTreeSet<u32>,
+    /// Rows that are on nobody's head.
+    nobody: usize,
+}
+
+impl Entries {
+    fn take(&mut self, people: &[PersonEstimate], truth: &[PersonTruth]) {
+        for person in truth.iter().filter(|p| p.inside) {
+            self.came.insert(person.id);
+            if nearest(people, &person.head).is_some_and(|(_, error)| error < ON_HEAD_M) {
+                self.found.insert(person.id);
+            }
+        }
+        let is_nobody = |p: &&PersonEstimate| truth.iter().all(|t| error_m(p, &t.head) > 2.0 * ON_HEAD_M);
+        self.nobody += people.iter().filter(is_nobody).count();
+    }
 }
 
 /// One person and six people on a way around the hall.

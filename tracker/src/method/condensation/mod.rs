@@ -7,7 +7,7 @@
 //! This method needs no room and no masks, only two or more calibrated cameras that see the edges of a head; a picture
 //! of the empty scene helps ([`Method::set_empty_scene`]). The steps of a moment:
 //!
-//! 1. every camera's picture becomes an edge image ([`edges`]);
+//! 1. every camera's picture becomes an edge image ([`camera_edges`], [`edges`]);
 //! 2. everybody's hypotheses of their head's position are predicted ([`track`], [`filter`]);
 //! 3. each hypothesis is projected as a spheroid ([`contour`]), weighed in each camera ([`weight`], equation 9), and
 //!    the weights are integrated ([`integration`], equations 4 to 7);
@@ -18,6 +18,7 @@
 //! [`CondensationOptions`] has the parameters; [`weight_map`] draws the paper's figures 5 to 8; [`StepTimes`] has the times
 //! of its table 2.
 
+pub mod camera_edges;
 mod climb;
 pub mod contour;
 pub mod edges;
@@ -37,10 +38,10 @@ pub mod weight_map;
 
 use image::RgbImage;
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
+use self::camera_edges::CameraEdges;
 use self::contour::HeadShape;
-use self::edges::{EdgeImage, EdgeMaker};
+use self::edges::EdgeImage;
 use self::exclusion::{APART_M, HeadDistribution};
 use self::initiator::Initiator;
 use self::integration::{Integration, MOST_CAMERAS};
@@ -69,10 +70,7 @@ pub struct Condensation {
     room: PreparedRoom,
     options: CondensationOptions,
     head_weights: HeadWeights,
-    makers: Vec<EdgeMaker>,
-    edges: Vec<Option<EdgeImage>>,
-    /// Unused edge images, kept for their buffers.
-    spare: Vec<EdgeImage>,
+    edges: CameraEdges,
     views: Vec<View>,
     initiator: Initiator,
     capacity: Capacity,
@@ -115,15 +113,9 @@ impl Condensation {
             (options.rays, options.beta),
             options.life.seen_at,
         );
-        let maker = |c: &crate::prepared_room::PreparedCamera| {
-            let shown: Vec<bool> = c.static_z_m.iter().map(|z| *z > 0.0).collect();
-            EdgeMaker::new(options.edges, c.width(), &shown)
-        };
         Ok(Self {
             head_weights,
-            makers: room.cameras.iter().map(maker).collect(),
-            edges: room.cameras.iter().map(|_| None).collect(),
-            spare: Vec::new(),
+            edges: CameraEdges::new(&room.cameras, options.edges),
             views: room.cameras.iter().map(View::new).collect(),
             initiator,
             capacity: Capacity::new(options.life.max_people),
@@ -154,11 +146,27 @@ impl Condensation {
         let input = WeighingInput {
             head_weights: &self.head_weights,
             cameras: &self.room.cameras,
-            edges: &self.edges,
+            edges: self.edges.images(),
             everybody: &[],
             sharpness: 1.0,
         };
         Ok(integrations.iter().map(|i| WeightMap::new(&self.room, &input, *i, height_m)).collect())
+    }
+
+    /// Follows everybody to a moment by its edges, one image a camera: a step whose edges are already there, since another tracker
+    /// of the same cameras and [`EdgeOptions`] has found them.
+    pub fn follow(&mut self, time_s: f64, edges: &[Option<EdgeImage>]) -> Vec<PersonEstimate> {
+        let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| time_s - last).max(LEAST_STEP_S);
+        self.last_time_s = Some(time_s);
+        self.update_tracks(dt_s, edges);
+        self.initiate_tracks(dt_s, edges);
+        self.delete_tracks(dt_s);
+        self.report()
+    }
+
+    /// Finder of this tracker's edges, for trackers that share them.
+    pub fn edges(&self) -> &CameraEdges {
+        &self.edges
     }
 
     /// Times of the steps so far.
@@ -171,7 +179,7 @@ impl Condensation {
         self.tracks.iter().map(|t| (t.id, t.filter.hypotheses.as_slice()))
     }
 
-    /// Computes the edges of every camera's picture, in parallel.
+    /// Computes the edges of every camera's picture.
     fn find_edges(&mut self, moment: &Moment<'_>) -> Result<()> {
         for (camera, frame) in self.room.cameras.iter().zip(moment.cameras) {
             let Some(image) = &frame.image else { continue };
@@ -187,25 +195,13 @@ impl Condensation {
             }
         }
         self.times.edges.start();
-        for (edges, frame) in self.edges.iter_mut().zip(moment.cameras) {
-            match (frame.image.is_some(), edges.is_some()) {
-                (true, false) => *edges = Some(self.spare.pop().unwrap_or_default()),
-                (false, true) => self.spare.extend(edges.take()),
-                _ => {}
-            }
-        }
-        let cameras = self.makers.par_iter_mut().zip(&mut self.edges).zip(moment.cameras);
-        cameras.for_each(|((maker, edges), frame)| {
-            if let (Some(image), Some(edges)) = (&frame.image, edges) {
-                maker.edges(image, edges);
-            }
-        });
+        self.edges.find(moment);
         self.times.edges.stop();
         Ok(())
     }
 
     /// Predicts, weighs and separates the hypotheses of all tracks.
-    fn update_tracks(&mut self, dt_s: f64) {
+    fn update_tracks(&mut self, dt_s: f64, edges: &[Option<EdgeImage>]) {
         let options = &self.options;
         for track in &mut self.tracks {
             track.predict(dt_s, &options.motion, &mut self.times);
@@ -215,7 +211,7 @@ impl Condensation {
         let input = WeighingInput {
             head_weights: &self.head_weights,
             cameras: &self.room.cameras,
-            edges: &self.edges,
+            edges,
             everybody: &self.expected,
             sharpness: options.sharpness,
         };
@@ -245,13 +241,13 @@ impl Condensation {
     }
 
     /// Begins the tracks of people who are found at a gate.
-    fn initiate_tracks(&mut self, dt_s: f64) {
+    fn initiate_tracks(&mut self, dt_s: f64, edges: &[Option<EdgeImage>]) {
         self.expected.clear();
         self.expected.extend(self.tracks.iter().map(|t| ExpectedHead { head: t.head(), trust: t.trust }));
         let input = WeighingInput {
             head_weights: &self.head_weights,
             cameras: &self.room.cameras,
-            edges: &self.edges,
+            edges,
             everybody: &self.expected,
             sharpness: self.options.sharpness,
         };
@@ -312,19 +308,15 @@ impl Method for Condensation {
 
     /// The edges of an empty scene are not heads.
     fn set_empty_scene(&mut self, camera: usize, picture: &RgbImage) {
-        if let Some(maker) = self.makers.get_mut(camera) {
-            maker.set_empty_scene(picture);
-        }
+        self.edges.set_empty_scene(camera, picture);
     }
 
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
-        let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
-        self.last_time_s = Some(moment.time_s);
         self.find_edges(moment)?;
-        self.update_tracks(dt_s);
-        self.initiate_tracks(dt_s);
-        self.delete_tracks(dt_s);
-        Ok(self.report())
+        let edges = std::mem::take(&mut self.edges);
+        let people = self.follow(moment.time_s, edges.images());
+        self.edges = edges;
+        Ok(people)
     }
 }
 

@@ -162,6 +162,34 @@ fn two_who_pass_each_other_keep_their_own_heads() {
     assert_eq!(ids(34), before);
 }
 
+#[test]
+fn trackers_that_share_edges_follow_as_those_that_find_their_own() {
+    let prepared = prepared(4);
+    let options = [Integration::PairsAngle, Integration::Sum]
+        .map(|integration| CondensationOptions { integration, ..CondensationOptions::default() });
+    let mut own = options.clone().map(|o| tracker(&prepared, o));
+    let mut sharing = options.map(|o| tracker(&prepared, o));
+    let mut shared = own[0].edges().clone();
+    let mut most = 0;
+    for frame in 1..=20 {
+        let time_s = f64::from(frame) / RATE_HZ;
+        let blind = frame as usize % 7;
+        let picture_of = |(i, c): (usize, &PreparedCamera)| match i == blind {
+            true => CameraFrame::default(),
+            false => CameraFrame::of_image(picture(c, &walker(time_s))),
+        };
+        let cameras: Vec<CameraFrame> = prepared.cameras.iter().enumerate().map(picture_of).collect();
+        let moment = Moment { frame, time_s, cameras: &cameras };
+        shared.find(&moment);
+        for (own, sharing) in own.iter_mut().zip(&mut sharing) {
+            let people = own.step(&moment).unwrap();
+            assert_eq!(sharing.follow(time_s, shared.images()), people);
+            most = most.max(people.len());
+        }
+    }
+    assert_eq!(most, 1);
+}
+
 /// A head, and a similar shape below and beside it.
 const HEAD_AND_SHOULDER: [Vector3<f64>; 2] = [Vector3::new(3.0, 2.0, 1.7), Vector3::new(3.1, 2.1, 1.42)];
 
@@ -175,7 +203,7 @@ fn a_headlike_shape_below_another_is_a_shoulder() {
     let input = WeighingInput {
         head_weights: &tracker.head_weights,
         cameras: &prepared.cameras,
-        edges: &tracker.edges,
+        edges: tracker.edges.images(),
         everybody: &[],
         sharpness: 2.0,
     };
