@@ -14,6 +14,9 @@ pub const WITHIN_S: f64 = 0.5;
 /// Largest distance of their positions, metres: two people may pass a border at one time.
 pub const WITHIN_M: f64 = 1.0;
 
+/// Difference by rounding, of times and positions.
+const SAME: f64 = 1e-6;
+
 /// Matched events of one kind.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Score {
@@ -81,8 +84,16 @@ pub struct Truths {
 impl Truths {
     /// Truths of paths in a recording that ends at `end_s`.
     pub fn new(room: &Room, paths: &[TruePath], end_s: f64) -> Self {
-        let events = |margin_m, with_ends| true_events(room, paths, end_s, margin_m, with_ends);
-        Self { clear: events(CLEAR_M, false), any: events(ANY_M, true) }
+        let events = |margin_m, prolonged_m| true_events(room, paths, end_s, margin_m, prolonged_m);
+        let (mut clear, as_drawn) = (events(CLEAR_M, -CLEAR_M), events(CLEAR_M, 0.0));
+        // Who crosses a line and goes back past its end has not crossed the shorter one beyond doubt.
+        let is_same = |a: &TrueEvent, b: &TrueEvent| {
+            (a.kind, &a.place, a.direction) == (b.kind, &b.place, b.direction)
+                && (a.time_s - b.time_s).abs() < SAME
+                && (a.position - b.position).norm() < SAME
+        };
+        clear.retain(|event| as_drawn.iter().any(|other| is_same(event, other)));
+        Self { clear, any: events(ANY_M, CLEAR_M) }
     }
 }
 

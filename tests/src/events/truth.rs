@@ -31,7 +31,7 @@ pub struct TrueEvent {
 }
 
 /// Events of the paths, at the zones, regions and lines of the room, by time. A border is passed by who comes at least
-/// `margin_m` beyond it; a line, between places so far from its free ends, or so far beyond them where `with_ends`.
+/// `margin_m` beyond it; lines reach `prolonged_m` beyond their free ends.
 /// People who are in the room when the recording ends, at `end_s`, have not left; they have passed the borders that they are
 /// `margin_m` beyond by then.
 pub fn true_events(
@@ -39,10 +39,9 @@ pub fn true_events(
     paths: &[TruePath],
     end_s: f64,
     margin_m: f64,
-    with_ends: bool,
+    prolonged_m: f64,
 ) -> Vec<TrueEvent> {
-    let end_m = if with_ends { CLEAR_M } else { -CLEAR_M };
-    let lines: Vec<Line> = room.lines.iter().map(|line| prolonged(line, end_m)).collect();
+    let lines: Vec<Line> = room.lines.iter().map(|line| prolonged(line, prolonged_m)).collect();
     let zones = room.zones.iter().map(|zone| (&zone.name, &zone.polygon));
     let areas: Vec<_> = zones.chain(room.regions.iter().map(|r| (&r.name, &r.polygon))).collect();
     let mut events = Vec::new();

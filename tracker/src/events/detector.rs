@@ -4,27 +4,15 @@ use std::collections::BTreeMap;
 
 use mot::jsonl::{FrameLine, PersonLine, rounded};
 use nalgebra::{Point2, Vector2};
-use scenes::room::{Line, Room, Zone, ZoneKind};
+use scenes::room::{Line, Room};
 
 use super::border::Area;
 use super::cameras::Cameras;
+use super::doors::{Doors, UnseenPart, UnseenWay};
+use super::gap::path_between;
 use super::passing::{Crossed, Crossings, Decision, Fix, Stay};
 use super::{Clock, Direction, Event, EventKind, EventOptions};
 use crate::TrackId;
-
-/// Longest time for which a person walks unseen in a zone, before the first fix or after the last one, seconds.
-const UNSEEN_S: f64 = 1.0;
-/// Number of steps in which that time is searched for the zone's border.
-const UNSEEN_STEPS: u32 = 20;
-
-/// Part of a person's path that no fix shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum UnseenPart {
-    /// Before the first fix.
-    Arrival,
-    /// After the last fix.
-    Departure,
-}
 
 /// Detector of a run's events: a pure state machine over the lines of `tracks.jsonl`.
 ///
@@ -32,7 +20,7 @@ enum UnseenPart {
 #[derive(Debug, Clone)]
 pub struct Events {
     options: EventOptions,
-    zones: Vec<Zone>,
+    doors: Doors,
     areas: Vec<Area>,
     lines: Vec<Line>,
     people: BTreeMap<TrackId, Visit>,
@@ -62,7 +50,7 @@ impl Events {
     pub fn new(room: &Room, options: EventOptions) -> Self {
         Self {
             options,
-            zones: room.zones.clone(),
+            doors: Doors::new(&room.zones),
             areas: Area::of_room(room),
             lines: room.lines.clone(),
             people: BTreeMap::new(),
@@ -121,7 +109,7 @@ impl Events {
         let (areas, lines) = (Area::of_room(room), room.lines.clone());
         let (old_areas, old_lines) =
             (std::mem::replace(&mut self.areas, areas), std::mem::replace(&mut self.lines, lines));
-        self.zones.clone_from(&room.zones);
+        self.doors = Doors::new(&room.zones);
         let mut people = std::mem::take(&mut self.people);
         let mut events = Vec::new();
         for (id, visit) in &mut people {
@@ -167,24 +155,19 @@ impl Events {
         let mut visit = match self.people.remove(&person.id) {
             Some(mut visit) => match visit.ending.take() {
                 // Somebody who went through a door and comes back visits again.
-                Some(_) if self.is_exit(&visit.last) => self.new_visit(&fix, &velocity),
+                Some(_) if self.doors.is_exit(&visit.last, &self.options) => {
+                    self.new_visit(person.id, &fix, &velocity)
+                }
                 Some(ending) => {
                     events.extend(ending.into_iter().rev().map(Event::revocation));
                     visit
                 }
                 None => visit,
             },
-            None => self.new_visit(&fix, &velocity),
+            None => self.new_visit(person.id, &fix, &velocity),
         };
-        let mut decided = Vec::new();
-        for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
-            let decisions = stay.step(area, &fix, &self.options);
-            decided.extend(decisions.into_iter().map(|d| self.stay_event(person.id, &area.name, d)));
-        }
-        for (crossings, tripwire) in visit.crossings.iter_mut().zip(&self.lines) {
-            let crossed = crossings.step(tripwire, &fix, &self.options);
-            decided.extend(crossed.map(|c| self.cross_event(person.id, &tripwire.name, c)));
-        }
+        let gap = path_between((&visit.last, &visit.velocity), (&fix, &velocity), self.options.lost_s);
+        let decided = self.pass(person.id, &mut visit, gap.chain([fix]));
         (visit.last, visit.velocity) = (fix, velocity);
         if let Some(withheld) = &mut visit.withheld {
             withheld.extend(decided);
@@ -208,17 +191,24 @@ impl Events {
             if now_s - visit.last.time_s < lost_s || visit.withheld.is_some() || visit.ending.is_some() {
                 continue;
             }
-            let mut ending = Vec::new();
-            let left_at = self.zone_border(UnseenPart::Departure, &visit.last, &visit.velocity);
-            for (crossings, line) in visit.crossings.iter().zip(&self.lines) {
-                let mut crossings = crossings.clone();
-                let unseen = left_at.and_then(|fix| crossings.step(line, &fix, &self.options));
-                let crossed = unseen.or_else(|| crossings.end());
+            let way = self.unseen_way(UnseenPart::Departure, &visit.last, &visit.velocity);
+            let mut unseen = visit.clone();
+            let mut ending = match &way {
+                Some(way) => self.pass(*id, &mut unseen, way.path.iter().copied()),
+                None => Vec::new(),
+            };
+            for (crossings, line) in unseen.crossings.iter_mut().zip(&self.lines) {
+                let beyond = way.as_ref().and_then(|way| crossings.step(line, &way.beyond, &self.options));
+                let crossed = beyond.or_else(|| crossings.end());
                 ending.extend(crossed.map(|crossed| self.cross_event(*id, &line.name, crossed)));
             }
-            for (stay, area) in visit.stays.iter().zip(&self.areas) {
-                let decisions = stay.end().into_iter();
-                ending.extend(decisions.map(|decision| self.stay_event(*id, &area.name, decision)));
+            for (stay, area) in unseen.stays.iter().zip(&self.areas) {
+                let through = way.as_ref().filter(|way| way.zone == area.name);
+                let decisions = match through.and_then(|way| way.path.last()) {
+                    Some(end) => stay.end_through(end),
+                    None => stay.end(),
+                };
+                ending.extend(decisions.into_iter().map(|d| self.stay_event(*id, &area.name, d)));
             }
             ending.push(self.visit_event(EventKind::Disappear, *id, &visit.last));
             events.extend(ending.iter().cloned());
@@ -228,50 +218,53 @@ impl Events {
         events
     }
 
-    fn new_visit(&self, fix: &Fix, velocity: &Vector2<f64>) -> Visit {
-        let came_from = self.zone_border(UnseenPart::Arrival, fix, velocity).unwrap_or(*fix);
-        Visit {
+    /// Takes positions of a person's path, by time; the events that are decided now.
+    fn pass(&self, id: TrackId, visit: &mut Visit, path: impl Iterator<Item = Fix>) -> Vec<Event> {
+        let mut events = Vec::new();
+        for fix in path {
+            for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
+                let decisions = stay.step(area, &fix, &self.options);
+                events.extend(decisions.into_iter().map(|d| self.stay_event(id, &area.name, d)));
+            }
+            for (crossings, line) in visit.crossings.iter_mut().zip(&self.lines) {
+                let crossed = crossings.step(line, &fix, &self.options);
+                events.extend(crossed.map(|c| self.cross_event(id, &line.name, c)));
+            }
+        }
+        events
+    }
+
+    fn new_visit(&self, id: TrackId, fix: &Fix, velocity: &Vector2<f64>) -> Visit {
+        let way = self.unseen_way(UnseenPart::Arrival, fix, velocity);
+        let mut visit = Visit {
             first: *fix,
             last: *fix,
             velocity: *velocity,
             stays: (0..self.areas.len()).map(|_| Stay::new()).collect(),
-            crossings: vec![Crossings::from(came_from); self.lines.len()],
-            withheld: Some(Vec::new()),
+            crossings: vec![Crossings::default(); self.lines.len()],
+            withheld: None,
             ending: None,
-        }
-    }
-
-    /// Position of a person where an unseen part of their path meets the border of the zone around a fix, at the fix's velocity:
-    /// where they came in, or leave. Lines may lie between. `None` away from zones that people use this way.
-    fn zone_border(&self, part: UnseenPart, fix: &Fix, velocity: &Vector2<f64>) -> Option<Fix> {
-        let (sign, unused) = match part {
-            UnseenPart::Arrival => (-1.0, ZoneKind::Exit),
-            UnseenPart::Departure => (1.0, ZoneKind::Entry),
         };
-        let zone = self.zone_at(fix).filter(|zone| zone.kind != unused)?;
-        let steps = (1..=UNSEEN_STEPS).rev();
-        let times = steps.map(|step| sign * UNSEEN_S * f64::from(step) / f64::from(UNSEEN_STEPS));
-        let mut places = times.map(|after_s| (fix.time_s + after_s, fix.place + velocity * after_s));
-        let (time_s, place) = places.find(|(_, place)| zone.polygon.contains(place))?;
-        // Nothing happens before the run, or after the line that tells it.
-        Some(Fix { time_s: time_s.max(0.0).min(self.now_s), place, ..*fix })
+        let mut withheld = Vec::new();
+        if let Some((way, began)) = way.as_ref().and_then(|way| Some((way, *way.path.first()?))) {
+            for (stay, area) in
+                visit.stays.iter_mut().zip(&self.areas).filter(|(_, area)| area.name == way.zone)
+            {
+                *stay = Stay::through(area, began);
+            }
+            visit.crossings.fill(Crossings::from(way.beyond));
+            withheld = self.pass(id, &mut visit, way.path.iter().copied());
+        }
+        visit.withheld = Some(withheld);
+        visit
     }
 
-    /// Zone of a place at which a track begins or ends: the one around it, or one whose border is near.
-    fn zone_at(&self, fix: &Fix) -> Option<&Zone> {
-        let distances = self.zones.iter().map(|zone| (zone, zone.polygon.distance_m(&fix.place)));
-        let nearest = distances.min_by(|a, b| a.1.total_cmp(&b.1));
-        let reach_m = self.options.border_sigmas * fix.sigma_m.amax().hypot(self.options.path_sigma_m);
-        nearest.filter(|(_, distance_m)| *distance_m <= reach_m).map(|(zone, _)| zone)
-    }
-
-    /// Whether people may leave the room where a track ended.
-    fn is_exit(&self, fix: &Fix) -> bool {
-        self.zone_at(fix).is_some_and(|zone| zone.kind != ZoneKind::Entry)
+    fn unseen_way(&self, part: UnseenPart, fix: &Fix, velocity: &Vector2<f64>) -> Option<UnseenWay> {
+        self.doors.unseen_way(part, fix, velocity, self.now_s, &self.options)
     }
 
     fn visit_event(&self, kind: EventKind, id: TrackId, fix: &Fix) -> Event {
-        let zone = self.zone_at(fix).map(|zone| zone.name.clone());
+        let zone = self.doors.at(fix, &self.options).map(|zone| zone.name.clone());
         Event { place: zone, ..self.person_event(kind, id, fix) }
     }
 

@@ -10,12 +10,15 @@
 
 mod border;
 mod cameras;
+mod change_point;
 mod clock;
 mod detector;
+mod doors;
 mod event;
 #[cfg(test)]
 mod file_tests;
 mod files;
+mod gap;
 mod groups;
 mod heat;
 mod open_visits;

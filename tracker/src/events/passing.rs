@@ -2,14 +2,16 @@
 //!
 //! A person's position is known up to the posterior's standard deviation, so near a border nobody knows on which side
 //! they are. A change is decided when the probability of being on the other side is high (the position is
-//! [`EventOptions::border_sigmas`] standard deviations beyond the border) for [`EventOptions::border_s`], and dated back to the moment at which it was
-//! one half: when the estimated path last crossed the border. A person who stands on a border decides nothing.
+//! [`EventOptions::border_sigmas`] standard deviations beyond the border) for [`EventOptions::border_s`], and dated back to the most
+//! probable of the moments at which the estimated path crossed the border ([`ChangePoint`]). A person who stands on a border decides
+//! nothing.
 
 use nalgebra::{Point2, Vector2};
 use scenes::room::Line;
 
 use super::EventOptions;
-use super::border::{Area, meetings, offset_from_line};
+use super::border::{Area, Offset, meetings, offset_from_line};
+use super::change_point::ChangePoint;
 
 /// A person's estimated position at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,11 +34,11 @@ impl Fix {
         Self { time_s, place, ..*self }
     }
 
-    /// Distance from a border, across it, at which the side is decided, metres.
-    fn decided_m(&self, across: &Vector2<f64>, options: &EventOptions) -> f64 {
-        let across = if *across == Vector2::zeros() { Vector2::repeat(0.5_f64.sqrt()) } else { *across };
-        let variance = across.component_mul(&self.sigma_m).norm_squared() + options.path_sigma_m.powi(2);
-        options.border_sigmas * variance.sqrt()
+    /// Standard deviation of the distance from a border, metres.
+    fn across_m(&self, offset: &Offset, options: &EventOptions) -> f64 {
+        let across =
+            if offset.across == Vector2::zeros() { Vector2::repeat(0.5_f64.sqrt()) } else { offset.across };
+        across.component_mul(&self.sigma_m).norm().hypot(options.path_sigma_m)
     }
 }
 
@@ -87,8 +89,9 @@ pub(super) struct Stay {
     doubt: Doubt,
     /// The last fix and its signed distance from the border, metres.
     last: Option<(Fix, f64)>,
-    /// The latest time at which the path crossed the border, or began.
-    turned: Option<Fix>,
+    /// The time at which the path came in, or began inside, and that at which it went out, or began outside.
+    inward: ChangePoint,
+    outward: ChangePoint,
     has_crossed: bool,
     /// The time at which the stay passed `dwell_s`, while the event is not decided.
     dwell_due: Option<Fix>,
@@ -101,11 +104,20 @@ impl Stay {
             side: Side::Unknown,
             doubt: Doubt::default(),
             last: None,
-            turned: None,
+            inward: ChangePoint::default(),
+            outward: ChangePoint::default(),
             has_crossed: false,
             dwell_due: None,
             has_dwelt: false,
         }
+    }
+
+    /// State of a person who has come through this area: inside beyond doubt where their path begins.
+    pub(super) fn through(area: &Area, began: Fix) -> Self {
+        let signed_m = area.offset(&began.place).signed_m;
+        let mut stay = Self { side: Side::BeganInside(began), last: Some((began, signed_m)), ..Self::new() };
+        stay.turn(began, signed_m);
+        stay
     }
 
     /// Takes the next fix; decisions in the order of their times.
@@ -113,16 +125,19 @@ impl Stay {
         let offset = area.offset(&fix.place);
         let signed_m = offset.signed_m;
         match self.last {
-            None => self.turned = Some(*fix),
+            None => self.turn(*fix, signed_m),
             Some((before, was_m)) if (was_m >= 0.0) != (signed_m >= 0.0) => {
-                self.turned = Some(before.toward(fix, was_m / (was_m - signed_m)));
+                self.turn(before.toward(fix, was_m / (was_m - signed_m)), signed_m);
                 self.has_crossed = true;
             }
             Some(_) => {}
         }
+        let sigma_m = fix.across_m(&offset, options);
+        self.inward.take(signed_m / sigma_m);
+        self.outward.take(-signed_m / sigma_m);
         self.pass_dwell(area, fix);
         self.last = Some((*fix, signed_m));
-        let outer_m = fix.decided_m(&offset.across, options);
+        let outer_m = options.border_sigmas * sigma_m;
         // In an area that is narrower than the uncertainty, half the way to its middle has to do.
         let inner_m = outer_m.min(0.5 * area.depth_m);
         let beyond = match self.side {
@@ -133,19 +148,20 @@ impl Stay {
             _ => None,
         };
         if self.side == Side::Unknown && beyond == Some(true) && !self.has_crossed {
-            self.side = Side::BeganInside(self.turned.unwrap_or(*fix));
+            self.side = Side::BeganInside(self.inward.at().unwrap_or(*fix));
         }
         let mut decided = Vec::new();
         if self.doubt.step(beyond, fix.time_s, options.border_s) {
-            let turned = self.turned.unwrap_or(*fix);
             self.doubt = Doubt::default();
+            let (inward, outward) = (std::mem::take(&mut self.inward), std::mem::take(&mut self.outward));
             if beyond == Some(true) {
-                self.side = Side::Inside(turned);
+                let since = inward.at().unwrap_or(*fix);
+                self.side = Side::Inside(since);
                 (self.dwell_due, self.has_dwelt) = (None, false);
-                decided.push(Decision::Entered(turned));
+                decided.push(Decision::Entered(since));
                 self.pass_dwell(area, fix);
             } else {
-                decided.extend(self.left(&turned));
+                decided.extend(self.left(&outward.at().unwrap_or(*fix)));
                 (self.side, self.dwell_due) = (Side::Outside, None);
             }
         }
@@ -161,29 +177,42 @@ impl Stay {
     /// Decisions if the person is never seen again; the state stays, in case they are.
     pub(super) fn end(&self) -> Vec<Decision> {
         let Some((last, signed_m)) = self.last else { return Vec::new() };
-        let turned = self.turned.unwrap_or(last);
         // There is no more evidence to wait for.
         let entered = self.undecided_entry();
-        let end = if signed_m < 0.0 { turned } else { last };
+        let end = if signed_m < 0.0 { self.outward.at().unwrap_or(last) } else { last };
         match entered {
             Some(since) => vec![Decision::Entered(since), Decision::Left(since, end)],
             None => self.left(&end),
         }
     }
 
+    /// Decisions if the person leaves through this area, and is last there at `end`.
+    pub(super) fn end_through(&self, end: &Fix) -> Vec<Decision> {
+        if matches!(self.side, Side::Inside(_)) {
+            return self.left(end);
+        }
+        let since = self.undecided_entry().or(self.inward.at()).unwrap_or(*end);
+        vec![Decision::Entered(since), Decision::Left(since, *end)]
+    }
+
     /// Decisions at the end of the run about a person who is still there.
     pub(super) fn end_of_run(&self) -> Vec<Decision> {
         if matches!(self.doubt.since, Some((false, _))) {
-            return self.turned.map_or_else(Vec::new, |turned| self.left(&turned));
+            return self.outward.at().map_or_else(Vec::new, |left_at| self.left(&left_at));
         }
         self.undecided_entry().map(Decision::Entered).into_iter().collect()
+    }
+
+    /// The path comes to the side of this offset, or begins there.
+    fn turn(&mut self, at: Fix, signed_m: f64) {
+        if signed_m >= 0.0 { self.inward.meet(at) } else { self.outward.meet(at) }
     }
 
     /// Beginning of a stay that has not lasted for long enough to be decided.
     fn undecided_entry(&self) -> Option<Fix> {
         match self.side {
             Side::BeganInside(first) => Some(first),
-            _ if matches!(self.doubt.since, Some((true, _))) => self.turned,
+            _ if matches!(self.doubt.since, Some((true, _))) => self.inward.at(),
             _ => None,
         }
     }
@@ -221,9 +250,8 @@ pub(super) struct Crossings {
     /// Crossings inward less those outward, since the side was last certain.
     net: i32,
     doubt: Doubt,
-    /// The latest crossing inward and outward.
-    inward: Option<Fix>,
-    outward: Option<Fix>,
+    inward: ChangePoint,
+    outward: ChangePoint,
 }
 
 /// A decided crossing of a line.
@@ -243,27 +271,32 @@ impl Crossings {
     pub(super) fn step(&mut self, line: &Line, fix: &Fix, options: &EventOptions) -> Option<Crossed> {
         if let Some(last) = self.last {
             for met in meetings(line, &last.place, &fix.place) {
-                let at = Some(last.toward(fix, met.share));
+                let at = last.toward(fix, met.share);
                 if met.is_inward {
-                    (self.net, self.inward) = (self.net + 1, at);
+                    self.net += 1;
+                    self.inward.meet(at);
                 } else {
-                    (self.net, self.outward) = (self.net - 1, at);
+                    self.net -= 1;
+                    self.outward.meet(at);
                 }
             }
         }
         self.last = Some(*fix);
+        let offset = offset_from_line(line, &fix.place);
+        let sigmas = offset.signed_m / fix.across_m(&offset, options);
+        self.inward.take(if self.net > 0 { sigmas } else { -sigmas });
+        self.outward.take(if self.net < 0 { sigmas } else { -sigmas });
         if self.net == 0 {
             self.doubt = Doubt::default();
             return None;
         }
-        let offset = offset_from_line(line, &fix.place);
-        let is_beyond = offset.signed_m >= fix.decided_m(&offset.across, options);
+        let is_beyond = sigmas >= options.border_sigmas;
         let side = is_beyond.then_some(self.net > 0);
         if !self.doubt.step(side, fix.time_s, options.border_s) {
             return None;
         }
         let crossed = self.crossed();
-        (self.net, self.doubt) = (0, Doubt::default());
+        *self = Self::from(*fix);
         crossed
     }
 
@@ -279,7 +312,7 @@ impl Crossings {
 
     fn crossed(&self) -> Option<Crossed> {
         let is_inward = self.net > 0;
-        let fix = if is_inward { self.inward } else { self.outward };
-        fix.filter(|_| self.net != 0).map(|fix| Crossed { fix, is_inward })
+        let change = if is_inward { self.inward } else { self.outward };
+        change.at().filter(|_| self.net != 0).map(|fix| Crossed { fix, is_inward })
     }
 }

@@ -262,10 +262,38 @@ fn a_line_in_a_door_is_crossed_by_who_is_first_or_last_seen_behind_it() {
     assert_eq!(crossings(&walking(0.0, 1.0), &room), ["cross threshold 0.80 In"]);
     // The last fix is at 3.9 s.
     assert_eq!(crossings(&walking(2.9, -1.0), &room), ["cross threshold 4.10 Out"]);
+    // A line on the outer border itself.
+    let mut outer = room.clone();
+    outer.lines[0].points = vec![Point2::new(-0.5, -1.0), Point2::new(-0.5, 1.0)];
+    assert_eq!(crossings(&walking(0.0, 1.0), &outer), ["cross threshold 0.50 In"]);
+    assert_eq!(crossings(&walking(2.9, -1.0), &outer), ["cross threshold 4.40 Out"]);
     // Nobody comes in through an exit; whoever stands has not walked.
     assert_eq!(crossings(&walking(0.0, 0.0), &room), Vec::<String>::new());
     room.zones[0].kind = ZoneKind::Exit;
     assert_eq!(crossings(&walking(0.0, 1.0), &room), Vec::<String>::new());
+}
+
+#[test]
+fn whoever_was_walking_to_a_door_has_left_through_it_unless_they_come_back() {
+    // From x = 3.2 toward the door at 1 m/s; last seen at 3 s, 70 cm before it.
+    let lines = |speed: f64, back_s: f64| {
+        let mut lines = walk(12.0, |t| {
+            (1.0..3.05)
+                .contains(&t)
+                .then_some((1.2 + speed * (t - 3.0), 0.0))
+                .or((t >= back_s).then_some((1.2, 0.0)))
+        });
+        for person in lines.iter_mut().flat_map(|line| &mut line.people) {
+            person.vx = speed;
+        }
+        words(&events_of(&lines))
+    };
+    let left = lines(-1.0, 99.0);
+    assert_eq!(left[3..], ["enter door 3.70", "leave door 4.70 1.00 s", "disappear - 3.00"], "{left:?}");
+    let back = lines(-1.0, 7.0);
+    assert_eq!(back[6..8], ["revoke-disappear - 3.00", "revoke-leave door 4.70 1.00 s"], "{back:?}");
+    assert!(!lines(-0.1, 99.0).iter().any(|w| w.contains("door")), "too slow to get there");
+    assert!(!lines(1.0, 99.0).iter().any(|w| w.contains("leave door 4")), "walking away from it");
 }
 
 #[test]
