@@ -12,6 +12,7 @@ use rand_pcg::Pcg64Mcg;
 use crate::chain::StepResult;
 use crate::data::{office, program};
 use crate::folder_files::files;
+use crate::kills::readable::unreadable;
 
 /// One of the project's programs, whose files cannot grow beyond so many bytes (`setrlimit`, `RLIMIT_FSIZE`).
 pub fn limited(name: &str, bytes: u64) -> Command {
@@ -98,9 +99,16 @@ impl Writer {
         for _ in 0..sizes {
             // Evenly by the logarithm: small files fail, too.
             let bytes = (1.1 * largest).powf(random.random_range(0.0..1.0)) as u64;
+            restore(folder, &expected).map_err(|e| e.to_string())?;
             let output = limited(self.program, bytes).args(self.arguments()).current_dir(folder).output();
             let output = output.map_err(|e| e.to_string())?;
-            let faults = faults(&output, folder, &expected, &mut outcome);
+            let mut faults = badly_told(&output, &mut outcome);
+            if self.arguments[0] == "run" {
+                // It replaces the results of an earlier run from its first frame on.
+                faults.extend(unreadable(&folder.join("out")).0);
+            } else {
+                faults.extend(changed(folder, &expected));
+            }
             outcome.faults.extend(faults.into_iter().map(|fault| format!("{bytes} bytes: {fault}")));
         }
         Ok(outcome)
@@ -113,35 +121,44 @@ fn written_at(folder: &Path) -> BTreeMap<PathBuf, Option<SystemTime>> {
     files(folder).into_keys().map(|name| (name.clone(), time(&name))).collect()
 }
 
-/// Faults of a command that ran with little room, of which `expected` is what it writes with enough.
-fn faults(
-    output: &Output,
-    folder: &Path,
-    expected: &BTreeMap<PathBuf, Vec<u8>>,
-    outcome: &mut Outcome,
-) -> Vec<String> {
+/// Makes a folder hold these files again, and no others.
+fn restore(folder: &Path, whole: &BTreeMap<PathBuf, Vec<u8>>) -> std::io::Result<()> {
+    for name in files(folder).into_keys().filter(|name| !whole.contains_key(name)) {
+        std::fs::remove_file(folder.join(name))?;
+    }
+    for (name, content) in whole {
+        let path = folder.join(name);
+        if std::fs::read(&path).ok().as_ref() != Some(content) {
+            std::fs::write(path, content)?;
+        }
+    }
+    Ok(())
+}
+
+/// Faults in what a command with little room has told.
+fn badly_told(output: &Output, outcome: &mut Outcome) -> Vec<String> {
     let said = String::from_utf8_lossy(&output.stderr);
-    let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
-    let mut faults = Vec::new();
+    let errors = said.lines().filter(|line| line.starts_with("error: ")).count();
     match output.status.code() {
         Some(0) => outcome.enough += 1,
-        Some(2) if errors.len() == 1 => outcome.refused += 1,
-        _ => faults.push(format!("{} with {:?}", output.status, said.lines().last())),
+        Some(2) if errors == 1 => outcome.refused += 1,
+        _ => return vec![format!("{} with {:?}", output.status, said.lines().last())],
     }
+    Vec::new()
+}
+
+/// Files that a command with little room has left, changed or taken away; `expected` is what it writes with enough.
+fn changed(folder: &Path, expected: &BTreeMap<PathBuf, Vec<u8>>) -> Vec<String> {
+    let mut faults = Vec::new();
     for (name, now) in files(folder) {
         let text = name.to_string_lossy();
-        let Some(whole) = expected.get(&name) else {
-            // The film up to the moment at which the disk was full is kept under this name.
-            if !text.contains(".partial.") {
-                faults.push(format!("{text} was left"));
+        match expected.get(&name) {
+            None => faults.push(format!("{text} was left")),
+            // Times differ.
+            Some(whole) if now != *whole && !text.ends_with("timings.json") && !text.ends_with(".html") => {
+                faults.push(format!("{text} is not what it was ({} of {} bytes)", now.len(), whole.len()));
             }
-            continue;
-        };
-        let is_of_lines = ["txt", "jsonl"].iter().any(|end| name.extension().is_some_and(|e| e == *end));
-        // A run replaces rows as it goes; times differ.
-        let is_prefix = is_of_lines && whole.starts_with(&now);
-        if now != *whole && !is_prefix && !text.ends_with("timings.json") && !text.ends_with(".html") {
-            faults.push(format!("{text} is not what it was ({} of {} bytes)", now.len(), whole.len()));
+            Some(_) => {}
         }
     }
     let lost = expected.keys().filter(|name| !folder.join(name).exists());

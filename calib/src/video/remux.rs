@@ -36,6 +36,12 @@ pub(super) fn with_index_in_front(from: &Path, to: &Path) -> Result<usize, ffmpe
     Ok(copied)
 }
 
+/// Number of packets of a film before its first damaged one; 0 where it cannot be read.
+pub(super) fn whole_packets(film: &Path) -> usize {
+    let Ok(mut input) = format::input(film) else { return 0 };
+    std::iter::from_fn(|| next_packet(&mut input)).count()
+}
+
 /// The next whole packet of a film.
 fn next_packet(input: &mut Input) -> Option<Packet> {
     let mut packet = Packet::empty();

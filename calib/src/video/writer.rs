@@ -4,6 +4,7 @@
 //! the file at once, so a program that is killed leaves a film that can be played up to its last second, `NAME.partial.mp4`.
 //! At the end its packets are copied into an MP4 with one index in front, which players can seek in.
 
+use std::fmt::Display;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -152,7 +153,7 @@ impl FilmWriter {
     /// the fragmented film takes the name: it can be played, too.
     ///
     /// # Errors
-    /// [`Error`] when the film cannot be finished or renamed.
+    /// [`Error`] when the film cannot be finished or renamed, or is not whole on the disk: an earlier film keeps the name.
     pub fn finish(mut self) -> Result<()> {
         self.encoder.send_eof().map_err(|error| self.refused(error))?;
         self.write_what_is_encoded()?;
@@ -163,6 +164,12 @@ impl FilmWriter {
             && sync(&remuxed).is_ok();
         if !copied {
             let _ = std::fs::remove_file(&remuxed);
+            // FFmpeg tells not every frame that it could not write.
+            let kept = remux::whole_packets(&self.partial) as i64;
+            if kept < self.frames {
+                self.frames = kept;
+                return Err(self.refused("the disk has not taken it"));
+            }
         }
         let whole = if copied { &remuxed } else { &self.partial };
         // A full disk may show only now.
@@ -171,7 +178,7 @@ impl FilmWriter {
         Ok(())
     }
 
-    fn refused(&self, error: ffmpeg::Error) -> Error {
+    fn refused(&self, error: impl Display) -> Error {
         let kept = self.partial.file_name().unwrap_or_default().to_string_lossy();
         let problem = format!("cannot be written: {error}; the frames before it are in {kept}");
         Error::content(&self.target, format!("frame {}", self.frames), problem)

@@ -30,7 +30,7 @@ pub struct Score {
     pub right: usize,
     /// Differences in time of the pairs, seconds, without sign.
     pub time_errors_s: Vec<f64>,
-    /// Differences in the duration of the stay of the pairs, seconds, without sign.
+    /// Differences in the duration of the stay of the pairs, seconds, without sign: from the nearer one of both truths.
     pub dwell_errors_s: Vec<f64>,
 }
 
@@ -110,9 +110,10 @@ pub fn score(truths: &Truths, events: &[Event], kind: EventKind, is_counted: imp
     for (truth, event) in pairs(&clear, &events) {
         score.matched += 1;
         score.time_errors_s.push((event.time - truth.time_s).abs());
-        if let (Some(found_s), Some(true_s)) = (event.seconds, truth.seconds) {
-            score.dwell_errors_s.push((found_s - true_s).abs());
-        }
+        // Who grazes the border meanwhile has stayed once or twice.
+        let stays = any.iter().filter(|truth| is_pair(truth, event)).chain([truth]);
+        let errors_s = stays.filter_map(|truth| Some((event.seconds? - truth.seconds?).abs()));
+        score.dwell_errors_s.extend(errors_s.min_by(f64::total_cmp));
     }
     score
 }
@@ -122,15 +123,8 @@ pub fn score(truths: &Truths, events: &[Event], kind: EventKind, is_counted: imp
 fn pairs<'a>(truths: &'a [TrueEvent], events: &[&'a Event]) -> Vec<(&'a TrueEvent, &'a Event)> {
     let mut near: Vec<(f64, usize, usize)> = Vec::new();
     for (i, truth) in truths.iter().enumerate() {
-        let is_near = |e: &Event| {
-            let at = e.x.zip(e.y).map(|(x, y)| Point2::new(x, y));
-            at.is_some_and(|at| (at - truth.position).norm() <= WITHIN_M)
-        };
-        let is_pair = |e: &Event| {
-            e.place.as_deref() == Some(&truth.place) && e.direction == truth.direction && is_near(e)
-        };
         let apart = |e: &Event| (e.time - truth.time_s).abs();
-        let found = events.iter().enumerate().filter(|(_, e)| is_pair(e) && apart(e) <= WITHIN_S);
+        let found = events.iter().enumerate().filter(|(_, e)| is_pair(truth, e));
         near.extend(found.map(|(k, e)| (apart(e), i, k)));
     }
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -144,6 +138,15 @@ fn pairs<'a>(truths: &'a [TrueEvent], events: &[&'a Event]) -> Vec<(&'a TrueEven
         }
     }
     pairs
+}
+
+/// Whether an event may be this true one.
+fn is_pair(truth: &TrueEvent, event: &Event) -> bool {
+    let at = event.x.zip(event.y).map(|(x, y)| Point2::new(x, y));
+    event.place.as_deref() == Some(&truth.place)
+        && event.direction == truth.direction
+        && (event.time - truth.time_s).abs() <= WITHIN_S
+        && at.is_some_and(|at| (at - truth.position).norm() <= WITHIN_M)
 }
 
 /// The value below which a share of the values lie; NaN without values.

@@ -15,7 +15,7 @@ use rand_pcg::Pcg64Mcg;
 use crate::chain::StepResult;
 
 mod build;
-mod readable;
+pub(crate) mod readable;
 mod run;
 mod serve;
 

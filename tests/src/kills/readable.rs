@@ -12,7 +12,7 @@ use crate::folder_files::files;
 use crate::live::office::RATE_HZ;
 
 /// Files of a run that cannot be read, and the most seconds by which a film in the making is behind the rows.
-pub(super) fn unreadable(out: &Path) -> (Vec<String>, f64) {
+pub(crate) fn unreadable(out: &Path) -> (Vec<String>, f64) {
     let (mut faults, mut lost_s) = (Vec::new(), 0.0_f64);
     for (name, content) in files(out) {
         let path = out.join(&name);

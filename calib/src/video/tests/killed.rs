@@ -83,6 +83,26 @@ fn a_film_that_is_given_up_keeps_its_frames_and_one_without_frames_leaves_no_fil
     assert_eq!(readable(&path).len(), 1);
 }
 
+/// A full disk takes a part of what is written, and FFmpeg does not always tell.
+#[test]
+fn a_film_that_is_not_whole_on_the_disk_does_not_take_the_name_of_an_earlier_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, partial) = (folder.path().join("film.mp4"), folder.path().join("film.partial.mp4"));
+    let film = |frames: u32| {
+        let mut writer = FilmWriter::create(&path, 64, 48, RATE_HZ).unwrap();
+        (0..frames).for_each(|seed| writer.write(&noise(64, 48, seed)).unwrap());
+        writer
+    };
+    film(5).finish().unwrap();
+    for kept in [0, 300, 20_000] {
+        let writer = film(60);
+        std::fs::OpenOptions::new().write(true).open(&partial).unwrap().set_len(kept).unwrap();
+        let error = writer.finish().unwrap_err().to_string();
+        assert!(error.contains("the disk has not taken it"), "{error}");
+        assert_eq!(readable(&path).len(), 5);
+    }
+}
+
 #[test]
 fn the_same_frames_are_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();

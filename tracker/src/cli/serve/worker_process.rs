@@ -23,6 +23,10 @@ const LONGEST_PAUSE: Duration = Duration::from_mins(1);
 /// …and is the shortest again after a worker that ran for this time.
 const HEALTHY: Duration = Duration::from_mins(1);
 
+/// Settings of glibc's allocator, unless the environment has others. By default its bound of what gets pages of its own grows with
+/// what is freed, and then the memory of a room that is read again stays with the process (see `mallopt(3)`).
+const ALLOCATOR: [(&str, &str); 2] = [("MALLOC_MMAP_THRESHOLD_", "1048576"), ("MALLOC_ARENA_MAX", "2")];
+
 /// A room that is to be followed.
 pub(super) struct WorkerProcess {
     pub(super) plan: RoomPlan,
@@ -169,6 +173,7 @@ fn start(
     let mut command = Command::new(own_path()?);
     command.arg0(OsStr::new("tracker")).args(program::arguments_before("tracker"));
     command.arg(super::super::WORKER).args((0..verbose).map(|_| "-v"));
+    command.envs(ALLOCATOR.into_iter().filter(|(name, _)| std::env::var_os(name).is_none()));
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().context("its process")?;
     // The three have just been asked for.
