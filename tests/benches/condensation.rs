@@ -65,7 +65,7 @@ fn occlusion() -> StepResult<()> {
             }
             groups.push((trials[0].tracker.edges().clone(), trials));
         }
-        follow_behind_screen(&room, &walkers, &mut groups)?;
+        follow_behind_screen(&room, &walkers, &mut groups);
         for (v, (_, trials)) in groups.iter().enumerate() {
             for (i, trial) in trials.iter().enumerate() {
                 found[v][i] += u32::from(trial.who.is_some());
@@ -118,7 +118,7 @@ fn follow_behind_screen(
     room: &SyntheticRoom,
     walkers: &WalkerOptions,
     groups: &mut [(CameraEdges, Vec<HeadTrial>)],
-) -> StepResult<()> {
+) {
     let sequence = recording(room, walkers, RATE_HZ, 16.0);
     for frame in sequence.frames() {
         let pictures = pictures(&frame);
@@ -136,7 +136,6 @@ fn follow_behind_screen(
             });
         }
     }
-    Ok(())
 }
 
 /// Twenty people come in one after the other.

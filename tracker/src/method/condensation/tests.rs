@@ -174,9 +174,12 @@ fn trackers_that_share_edges_follow_as_those_that_find_their_own() {
     for frame in 1..=20 {
         let time_s = f64::from(frame) / RATE_HZ;
         let blind = frame as usize % 7;
-        let picture_of = |(i, c): (usize, &PreparedCamera)| match i == blind {
-            true => CameraFrame::default(),
-            false => CameraFrame::of_image(picture(c, &walker(time_s))),
+        let picture_of = |(i, c): (usize, &PreparedCamera)| {
+            if i == blind {
+                CameraFrame::default()
+            } else {
+                CameraFrame::of_image(picture(c, &walker(time_s)))
+            }
         };
         let cameras: Vec<CameraFrame> = prepared.cameras.iter().enumerate().map(picture_of).collect();
         let moment = Moment { frame, time_s, cameras: &cameras };
