@@ -102,8 +102,8 @@ impl Writer {
             restore(folder, &expected).map_err(|e| e.to_string())?;
             let output = limited(self.program, bytes).args(self.arguments()).current_dir(folder).output();
             let output = output.map_err(|e| e.to_string())?;
-            let mut faults = badly_told(&output, &mut outcome);
-            if self.arguments[0] == "run" {
+            let mut faults = reported_badly(&output, &mut outcome);
+            if self.arguments[0] == "run" && !output.status.success() {
                 // It replaces the results of an earlier run from its first frame on.
                 faults.extend(unreadable(&folder.join("out")).0);
             } else {
@@ -135,8 +135,8 @@ fn restore(folder: &Path, whole: &BTreeMap<PathBuf, Vec<u8>>) -> std::io::Result
     Ok(())
 }
 
-/// Faults in what a command with little room has told.
-fn badly_told(output: &Output, outcome: &mut Outcome) -> Vec<String> {
+/// Faults of the messages and the exit status of a command with little room.
+fn reported_badly(output: &Output, outcome: &mut Outcome) -> Vec<String> {
     let said = String::from_utf8_lossy(&output.stderr);
     let errors = said.lines().filter(|line| line.starts_with("error: ")).count();
     match output.status.code() {

@@ -164,11 +164,10 @@ impl FilmWriter {
             && sync(&remuxed).is_ok();
         if !copied {
             let _ = std::fs::remove_file(&remuxed);
-            // FFmpeg tells not every frame that it could not write.
+            // FFmpeg does not report every frame that it failed to write.
             let kept = remux::whole_packets(&self.partial) as i64;
             if kept < self.frames {
-                self.frames = kept;
-                return Err(self.refused("the disk has not taken it"));
+                return Err(self.refused_at(kept + 1, "the disk has not taken it"));
             }
         }
         let whole = if copied { &remuxed } else { &self.partial };
@@ -179,9 +178,13 @@ impl FilmWriter {
     }
 
     fn refused(&self, error: impl Display) -> Error {
+        self.refused_at(self.frames, error)
+    }
+
+    fn refused_at(&self, frame: i64, error: impl Display) -> Error {
         let kept = self.partial.file_name().unwrap_or_default().to_string_lossy();
         let problem = format!("cannot be written: {error}; the frames before it are in {kept}");
-        Error::content(&self.target, format!("frame {}", self.frames), problem)
+        Error::content(&self.target, format!("frame {frame}"), problem)
     }
 }
 

@@ -18,7 +18,9 @@ pub struct TrackErrors {
     pub rate_hz: f64,
     /// Smallest and largest standard deviation of a person's position, metres; it is told, and changes slowly.
     pub sigma_m: (f64, f64),
-    /// Time for which an error of position lasts (exponential correlation), seconds.
+    /// Standard deviation of a person's velocity, metres a second.
+    pub velocity_sigma_m_s: f64,
+    /// Time for which an error of position or velocity lasts (exponential correlation), seconds.
     pub lasting_s: f64,
     /// Largest delay of the birth of a track, and largest advance of its death, seconds.
     pub late_s: f64,
@@ -33,6 +35,7 @@ impl Default for TrackErrors {
         Self {
             rate_hz: 12.0,
             sigma_m: (0.02, 0.08),
+            velocity_sigma_m_s: 0.15,
             lasting_s: 0.5,
             late_s: 0.3,
             gap_every_s: 30.0,
@@ -45,6 +48,7 @@ impl Default for TrackErrors {
 struct NoisyTrack<'a> {
     path: &'a TruePath,
     error: Vector2<f64>,
+    velocity_error: Vector2<f64>,
     phase: f64,
     born_s: f64,
     dies_s: f64,
@@ -90,6 +94,7 @@ impl<'a> NoisyTrack<'a> {
             born_s: first_s + late(&mut rng),
             dies_s: last_s - late(&mut rng),
             error: Vector2::new(StandardNormal.sample(&mut rng), StandardNormal.sample(&mut rng)),
+            velocity_error: Vector2::new(StandardNormal.sample(&mut rng), StandardNormal.sample(&mut rng)),
             phase: rng.random_range(0.0..std::f64::consts::TAU),
             back_s: f64::NEG_INFINITY,
             path,
@@ -102,6 +107,8 @@ impl<'a> NoisyTrack<'a> {
         let kept = (-step_s / errors.lasting_s).exp();
         let fresh = Vector2::new(StandardNormal.sample(&mut self.rng), StandardNormal.sample(&mut self.rng));
         self.error = self.error * kept + fresh * (1.0 - kept * kept).sqrt();
+        let fresh = Vector2::new(StandardNormal.sample(&mut self.rng), StandardNormal.sample(&mut self.rng));
+        self.velocity_error = self.velocity_error * kept + fresh * (1.0 - kept * kept).sqrt();
         if self.rng.random_bool((step_s / errors.gap_every_s).clamp(0.0, 1.0)) {
             self.back_s = time_s + self.rng.random_range(errors.gap_s.0..=errors.gap_s.1);
         }
@@ -113,7 +120,7 @@ impl<'a> NoisyTrack<'a> {
         let sigma_m = least + (most - least) * (0.5 + 0.5 * (self.phase + 0.7 * time_s).sin());
         let found = place + self.error * sigma_m;
         let before = self.path.at(time_s - step_s).unwrap_or(place);
-        let velocity = (place - before) / step_s;
+        let velocity = (place - before) / step_s + self.velocity_error * errors.velocity_sigma_m_s;
         let rounded = |value: f64| (value * 1e4).round() / 1e4;
         Some(PersonLine {
             id: TrackId(self.path.id),

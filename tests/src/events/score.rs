@@ -86,9 +86,9 @@ impl Truths {
     pub fn new(room: &Room, paths: &[TruePath], end_s: f64) -> Self {
         let events = |margin_m, prolonged_m| true_events(room, paths, end_s, margin_m, prolonged_m);
         let (mut clear, as_drawn) = (events(CLEAR_M, -CLEAR_M), events(CLEAR_M, 0.0));
-        // Who crosses a line and goes back past its end has not crossed the shorter one beyond doubt.
+        // A path that crosses a line and goes back past its end has not crossed it, though it has crossed the shorter one.
         let is_same = |a: &TrueEvent, b: &TrueEvent| {
-            (a.kind, &a.place, a.direction) == (b.kind, &b.place, b.direction)
+            (a.kind, a.person, &a.place, a.direction) == (b.kind, b.person, &b.place, b.direction)
                 && (a.time_s - b.time_s).abs() < SAME
                 && (a.position - b.position).norm() < SAME
         };
@@ -110,8 +110,9 @@ pub fn score(truths: &Truths, events: &[Event], kind: EventKind, is_counted: imp
     for (truth, event) in pairs(&clear, &events) {
         score.matched += 1;
         score.time_errors_s.push((event.time - truth.time_s).abs());
-        // Who grazes the border meanwhile has stayed once or twice.
-        let stays = any.iter().filter(|truth| is_pair(truth, event)).chain([truth]);
+        // A stay during which the path grazes the border may count as one or as two.
+        let same = any.iter().filter(|other| other.person == truth.person && is_pair(other, event));
+        let stays = same.chain([truth]);
         let errors_s = stays.filter_map(|truth| Some((event.seconds? - truth.seconds?).abs()));
         score.dwell_errors_s.extend(errors_s.min_by(f64::total_cmp));
     }

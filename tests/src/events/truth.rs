@@ -18,6 +18,8 @@ pub const ANY_M: f64 = 0.02;
 pub struct TrueEvent {
     /// [`EventKind::Enter`], [`EventKind::Leave`] or [`EventKind::Cross`].
     pub kind: EventKind,
+    /// The person.
+    pub person: u32,
     /// Zone, region or line.
     pub place: String,
     /// Direction of a crossing.
@@ -81,6 +83,7 @@ fn stays(
 ) {
     let event = |kind, (time_s, position): Sample, seconds| TrueEvent {
         kind,
+        person: path.id,
         place: name.to_owned(),
         direction: None,
         time_s,
@@ -136,6 +139,7 @@ fn crossings(events: &mut Vec<TrueEvent>, path: &TruePath, line: &Line, end_s: f
             let (kind, place) = (EventKind::Cross, line.name.clone());
             events.push(TrueEvent {
                 kind,
+                person: path.id,
                 place,
                 direction: Some(direction),
                 time_s,

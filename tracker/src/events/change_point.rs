@@ -9,7 +9,7 @@ use super::passing::Fix;
 /// Largest evidence of one fix, standard deviations.
 const MOST_SIGMAS: f64 = 10.0;
 
-/// Most probable moment of a change to the far side, so far.
+/// Most probable moment of a change to the far side, since the person was last beyond doubt on the near one.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct ChangePoint {
     /// Sum of the evidence for the far side.

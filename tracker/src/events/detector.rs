@@ -1,6 +1,6 @@
 //! The detector: tracks, in the order of time, to events.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use mot::jsonl::{FrameLine, PersonLine, rounded};
 use nalgebra::{Point2, Vector2};
@@ -14,6 +14,10 @@ use super::passing::{Crossed, Crossings, Decision, Fix, Stay};
 use super::{Clock, Direction, Event, EventKind, EventOptions};
 use crate::TrackId;
 
+/// Time for which the numbers of frames are kept, seconds: longer than an unseen way after a person was missing for
+/// [`EventOptions::lost_s`].
+const FRAMES_S: f64 = 10.0;
+
 /// Detector of a run's events: a pure state machine over the lines of `tracks.jsonl`.
 ///
 /// Its memory grows with the number of people who were there within [`EventOptions::found_s`], not with the run.
@@ -26,14 +30,19 @@ pub struct Events {
     people: BTreeMap<TrackId, Visit>,
     cameras: Cameras,
     clock: Option<Clock>,
-    /// Time of the last line, seconds.
+    /// Times of the first and the last line, seconds.
+    first_s: Option<f64>,
     now_s: f64,
+    /// Times and numbers of the latest frames, as far back as an unseen way reaches.
+    frames: VecDeque<(f64, u32)>,
 }
 
 /// A person between their appearance and their disappearance.
 #[derive(Debug, Clone)]
 struct Visit {
     first: Fix,
+    /// Zone through which the person came.
+    came_through: Option<String>,
     last: Fix,
     /// Velocity at the last fix, metres a second.
     velocity: Vector2<f64>,
@@ -56,7 +65,9 @@ impl Events {
             people: BTreeMap::new(),
             cameras: Cameras::default(),
             clock: None,
+            first_s: None,
             now_s: 0.0,
+            frames: VecDeque::new(),
         }
     }
 
@@ -67,6 +78,11 @@ impl Events {
             self.clock = line.clock.as_deref().and_then(|clock| Clock::of_moment(clock, line.time));
         }
         self.now_s = line.time;
+        self.first_s.get_or_insert(line.time);
+        self.frames.push_back((line.time, line.frame));
+        while self.frames.front().is_some_and(|(time_s, _)| *time_s < line.time - FRAMES_S) {
+            self.frames.pop_front();
+        }
         let mut events = Vec::new();
         for changed in self.cameras.step(line, self.options.camera_s) {
             events.push(Event {
@@ -155,8 +171,9 @@ impl Events {
         let mut visit = match self.people.remove(&person.id) {
             Some(mut visit) => match visit.ending.take() {
                 // Somebody who went through a door and comes back visits again.
-                Some(_) if self.doors.is_exit(&visit.last, &self.options) => {
-                    self.new_visit(person.id, &fix, &velocity)
+                Some(ending) if self.doors.is_exit(&visit.last, &self.options) => {
+                    let left_s = ending.iter().map(|event| event.time).fold(visit.last.time_s, f64::max);
+                    self.new_visit(person.id, &fix, &velocity, left_s)
                 }
                 Some(ending) => {
                     events.extend(ending.into_iter().rev().map(Event::revocation));
@@ -164,16 +181,29 @@ impl Events {
                 }
                 None => visit,
             },
-            None => self.new_visit(person.id, &fix, &velocity),
+            None => self.new_visit(person.id, &fix, &velocity, f64::NEG_INFINITY),
         };
         let gap = path_between((&visit.last, &visit.velocity), (&fix, &velocity), self.options.lost_s);
-        let decided = self.pass(person.id, &mut visit, gap.chain([fix]));
+        for between in gap {
+            for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
+                stay.walk(area, &between, &self.options);
+            }
+            for (crossings, line) in visit.crossings.iter_mut().zip(&self.lines) {
+                crossings.walk(line, &between, &self.options);
+            }
+        }
+        let decided = self.pass(person.id, &mut visit, [fix]);
         (visit.last, visit.velocity) = (fix, velocity);
         if let Some(withheld) = &mut visit.withheld {
             withheld.extend(decided);
             let is_old_enough = fix.time_s - visit.first.time_s >= self.options.seen_s;
             if is_old_enough && person.confidence >= self.options.least_confidence {
-                events.push(self.visit_event(EventKind::Appear, person.id, &visit.first));
+                events.push(self.visit_event(
+                    EventKind::Appear,
+                    person.id,
+                    &visit.first,
+                    visit.came_through.clone(),
+                ));
                 events.extend(visit.withheld.take().into_iter().flatten());
             }
         } else {
@@ -191,7 +221,7 @@ impl Events {
             if now_s - visit.last.time_s < lost_s || visit.withheld.is_some() || visit.ending.is_some() {
                 continue;
             }
-            let way = self.unseen_way(UnseenPart::Departure, &visit.last, &visit.velocity);
+            let way = self.unseen_way(UnseenPart::Departure, &visit.last, &visit.velocity, f64::NEG_INFINITY);
             let mut unseen = visit.clone();
             let mut ending = match &way {
                 Some(way) => self.pass(*id, &mut unseen, way.path.iter().copied()),
@@ -210,7 +240,8 @@ impl Events {
                 };
                 ending.extend(decisions.into_iter().map(|d| self.stay_event(*id, &area.name, d)));
             }
-            ending.push(self.visit_event(EventKind::Disappear, *id, &visit.last));
+            let left_through = way.map(|way| way.zone);
+            ending.push(self.visit_event(EventKind::Disappear, *id, &visit.last, left_through));
             events.extend(ending.iter().cloned());
             visit.ending = Some(ending);
         }
@@ -219,7 +250,7 @@ impl Events {
     }
 
     /// Takes positions of a person's path, by time; the events that are decided now.
-    fn pass(&self, id: TrackId, visit: &mut Visit, path: impl Iterator<Item = Fix>) -> Vec<Event> {
+    fn pass(&self, id: TrackId, visit: &mut Visit, path: impl IntoIterator<Item = Fix>) -> Vec<Event> {
         let mut events = Vec::new();
         for fix in path {
             for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
@@ -234,10 +265,12 @@ impl Events {
         events
     }
 
-    fn new_visit(&self, id: TrackId, fix: &Fix, velocity: &Vector2<f64>) -> Visit {
-        let way = self.unseen_way(UnseenPart::Arrival, fix, velocity);
+    /// Visit that begins at a fix, or on an unseen way to it, not before `from_s`.
+    fn new_visit(&self, id: TrackId, fix: &Fix, velocity: &Vector2<f64>, from_s: f64) -> Visit {
+        let way = self.unseen_way(UnseenPart::Arrival, fix, velocity, from_s);
         let mut visit = Visit {
             first: *fix,
+            came_through: way.as_ref().map(|way| way.zone.clone()),
             last: *fix,
             velocity: *velocity,
             stays: (0..self.areas.len()).map(|_| Stay::new()).collect(),
@@ -259,13 +292,27 @@ impl Events {
         visit
     }
 
-    fn unseen_way(&self, part: UnseenPart, fix: &Fix, velocity: &Vector2<f64>) -> Option<UnseenWay> {
-        self.doors.unseen_way(part, fix, velocity, self.now_s, &self.options)
+    /// Unseen way of a person within the run, and not before `from_s`, with the frames of its times.
+    fn unseen_way(
+        &self,
+        part: UnseenPart,
+        fix: &Fix,
+        velocity: &Vector2<f64>,
+        from_s: f64,
+    ) -> Option<UnseenWay> {
+        let from_s = self.first_s.map_or(from_s, |first_s| from_s.max(first_s));
+        let mut way = self.doors.unseen_way(part, fix, velocity, (from_s, self.now_s))?;
+        for fix in way.path.iter_mut().chain([&mut way.beyond]) {
+            let later = self.frames.partition_point(|(time_s, _)| *time_s <= fix.time_s);
+            fix.frame = later.checked_sub(1).map_or(fix.frame, |before| self.frames[before].1);
+        }
+        Some(way)
     }
 
-    fn visit_event(&self, kind: EventKind, id: TrackId, fix: &Fix) -> Event {
+    /// Event of a track's beginning or end at a fix; it is at the zone there, or the one that the person came or left through.
+    fn visit_event(&self, kind: EventKind, id: TrackId, fix: &Fix, through: Option<String>) -> Event {
         let zone = self.doors.at(fix, &self.options).map(|zone| zone.name.clone());
-        Event { place: zone, ..self.person_event(kind, id, fix) }
+        Event { place: zone.or(through), ..self.person_event(kind, id, fix) }
     }
 
     fn stay_event(&self, id: TrackId, area: &str, decision: Decision) -> Event {

@@ -9,7 +9,7 @@ const STRAIGHT_S: f64 = 0.15;
 /// Time between two positions of the path, seconds.
 const STEP_S: f64 = 0.1;
 /// Largest speed of a person, metres a second: a faster one is no velocity, and the path is straight.
-const FASTEST_M_S: f64 = 3.0;
+pub(super) const FASTEST_M_S: f64 = 3.0;
 /// Standard deviation of a change of velocity that nobody has seen, metres a second squared.
 const ACCELERATION_M_S2: f64 = 0.5;
 

@@ -120,8 +120,9 @@ impl Stay {
         stay
     }
 
-    /// Takes the next fix; decisions in the order of their times.
-    pub(super) fn step(&mut self, area: &Area, fix: &Fix, options: &EventOptions) -> Vec<Decision> {
+    /// Takes a position of the path that decides nothing. Returns its distance inside the border, and that distance's standard
+    /// deviation, metres.
+    pub(super) fn walk(&mut self, area: &Area, fix: &Fix, options: &EventOptions) -> (f64, f64) {
         let offset = area.offset(&fix.place);
         let signed_m = offset.signed_m;
         match self.last {
@@ -137,12 +138,25 @@ impl Stay {
         self.outward.take(-signed_m / sigma_m);
         self.pass_dwell(area, fix);
         self.last = Some((*fix, signed_m));
+        (signed_m, sigma_m)
+    }
+
+    /// Takes the next fix; decisions in the order of their times.
+    pub(super) fn step(&mut self, area: &Area, fix: &Fix, options: &EventOptions) -> Vec<Decision> {
+        let (signed_m, sigma_m) = self.walk(area, fix, options);
         let outer_m = options.border_sigmas * sigma_m;
         // In an area that is narrower than the uncertainty, half the way to its middle has to do.
         let inner_m = outer_m.min(0.5 * area.depth_m);
         let beyond = match self.side {
-            Side::Inside(_) if signed_m >= inner_m => None,
-            Side::Outside if signed_m <= -outer_m => None,
+            // What came before is no beginning of a change.
+            Side::Inside(_) if signed_m >= inner_m => {
+                self.outward = ChangePoint::default();
+                None
+            }
+            Side::Outside if signed_m <= -outer_m => {
+                self.inward = ChangePoint::default();
+                None
+            }
             _ if signed_m >= inner_m => Some(true),
             _ if signed_m <= -outer_m => Some(false),
             _ => None,
@@ -169,6 +183,7 @@ impl Stay {
             && let (Side::Inside(since), Some(due)) = (self.side, self.dwell_due.take())
         {
             self.has_dwelt = true;
+            self.outward = ChangePoint::default();
             decided.push(Decision::Dwelt(since, due));
         }
         decided
@@ -191,7 +206,9 @@ impl Stay {
         if matches!(self.side, Side::Inside(_)) {
             return self.left(end);
         }
-        let since = self.undecided_entry().or(self.inward.at()).unwrap_or(*end);
+        let is_inside = self.last.is_some_and(|(_, signed_m)| signed_m >= 0.0);
+        let came_in = self.inward.at().filter(|_| is_inside);
+        let since = self.undecided_entry().or(came_in).unwrap_or(*end);
         vec![Decision::Entered(since), Decision::Left(since, *end)]
     }
 
@@ -267,8 +284,8 @@ impl Crossings {
         Self { last: Some(first), ..Self::default() }
     }
 
-    /// Takes the next fix.
-    pub(super) fn step(&mut self, line: &Line, fix: &Fix, options: &EventOptions) -> Option<Crossed> {
+    /// Takes a position of the path that decides nothing. Returns its distance from the line, standard deviations.
+    pub(super) fn walk(&mut self, line: &Line, fix: &Fix, options: &EventOptions) -> f64 {
         if let Some(last) = self.last {
             for met in meetings(line, &last.place, &fix.place) {
                 let at = last.toward(fix, met.share);
@@ -286,11 +303,20 @@ impl Crossings {
         let sigmas = offset.signed_m / fix.across_m(&offset, options);
         self.inward.take(if self.net > 0 { sigmas } else { -sigmas });
         self.outward.take(if self.net < 0 { sigmas } else { -sigmas });
+        sigmas
+    }
+
+    /// Takes the next fix.
+    pub(super) fn step(&mut self, line: &Line, fix: &Fix, options: &EventOptions) -> Option<Crossed> {
+        let is_beyond = self.walk(line, fix, options) >= options.border_sigmas;
         if self.net == 0 {
             self.doubt = Doubt::default();
+            if is_beyond {
+                // What came before is no beginning of a crossing.
+                *self = Self::from(*fix);
+            }
             return None;
         }
-        let is_beyond = sigmas >= options.border_sigmas;
         let side = is_beyond.then_some(self.net > 0);
         if !self.doubt.step(side, fix.time_s, options.border_s) {
             return None;

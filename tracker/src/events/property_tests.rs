@@ -1,6 +1,6 @@
 //! Properties of the events of random walks near all borders.
 
-use mot::jsonl::FrameLine;
+use mot::jsonl::{FrameLine, PersonLine};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -33,10 +33,12 @@ fn some_path() -> impl Strategy<Value = Vec<Option<(f64, f64)>>> {
 fn lines_of(paths: &[&[Option<(f64, f64)>]]) -> Vec<FrameLine> {
     let frames = paths.iter().map(|path| path.len()).max().unwrap_or(0);
     let people = |i: usize| {
-        let each = paths
-            .iter()
-            .zip(1..)
-            .filter_map(|(path, id)| path.get(i).copied().flatten().map(|(x, y)| person(id, x, y)));
+        let each = paths.iter().zip(1..).filter_map(|(path, id)| {
+            path.get(i).copied().flatten().map(|(x, y)| {
+                let before = i.checked_sub(1).and_then(|before| path[before]).unwrap_or((x, y));
+                PersonLine { vx: 10.0 * (x - before.0), vy: 10.0 * (y - before.1), ..person(id, x, y) }
+            })
+        });
         each.collect()
     };
     (0..frames).map(|i| line(i as u32 + 1, people(i))).collect()
@@ -66,6 +68,13 @@ proptest! {
         }
         for (name, count) in tally.places().filter(|(name, _)| *name != "gate") {
             prop_assert!((0..=1).contains(&count.inside()), "{name}: {count:?}");
+        }
+        // A dwell is of a stay that goes on then: one more of the place has begun than ended.
+        for dwell in valid.iter().filter(|e| e.kind == EventKind::Dwell) {
+            let of_place = |kind| valid.iter().filter(move |e| e.kind == kind && e.place == dwell.place);
+            let entries = of_place(EventKind::Enter).filter(|e| e.time <= dwell.time).count();
+            let ended = of_place(EventKind::Leave).filter(|e| e.time < dwell.time).count();
+            prop_assert_eq!(entries, ended + 1, "{:?}", dwell);
         }
         for place in ["door", "counter"] {
             let stays: Vec<&Event> = valid.iter().filter(|e| e.place.as_deref() == Some(place)).filter(|e| matches!(e.kind, EventKind::Enter | EventKind::Leave)).collect();

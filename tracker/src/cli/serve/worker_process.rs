@@ -23,8 +23,8 @@ const LONGEST_PAUSE: Duration = Duration::from_mins(1);
 /// …and is the shortest again after a worker that ran for this time.
 const HEALTHY: Duration = Duration::from_mins(1);
 
-/// Settings of glibc's allocator, unless the environment has others. By default its bound of what gets pages of its own grows with
-/// what is freed, and then the memory of a room that is read again stays with the process (see `mallopt(3)`).
+/// Settings of glibc's allocator, unless the environment has others. By default its threshold for `mmap` grows with the blocks that
+/// are freed, and then the memory of a room that is read again stays with the process (see `mallopt(3)`).
 const ALLOCATOR: [(&str, &str); 2] = [("MALLOC_MMAP_THRESHOLD_", "1048576"), ("MALLOC_ARENA_MAX", "2")];
 
 /// A room that is to be followed.

@@ -1,5 +1,5 @@
-//! Edge images of all cameras at one moment (step 1 of a moment). They depend on the pictures and [`EdgeOptions`] alone: trackers
-//! with other weights or motion can share them ([`super::Condensation::follow`]).
+//! Edge images of all cameras at one moment (step 1 of a moment). They depend on the pictures, the empty scene and [`EdgeOptions`],
+//! and on nothing of the people: trackers with other weights or motion can share them ([`super::Condensation::follow`]).
 
 use image::RgbImage;
 use rayon::prelude::*;

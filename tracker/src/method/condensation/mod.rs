@@ -154,7 +154,7 @@ impl Condensation {
     }
 
     /// Follows everybody to a moment by its edges, one image a camera: a step whose edges are already there, since another tracker
-    /// of the same cameras and [`EdgeOptions`] has found them.
+    /// of the same cameras, empty scene and [`EdgeOptions`] has found them. The images have the sizes of the cameras.
     pub fn follow(&mut self, time_s: f64, edges: &[Option<EdgeImage>]) -> Vec<PersonEstimate> {
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| time_s - last).max(LEAST_STEP_S);
         self.last_time_s = Some(time_s);
