@@ -19,7 +19,7 @@ help:
 	@echo "make deny   licences, sources and advisories of the dependencies (installs cargo-deny; advisories need the network)"
 	@echo "make bench  accuracy and speed on the data with ground truth"
 	@echo "make fuzz   damaged and hostile files for every reader (about 10 minutes)"
-	@echo "make papers the experiments of the four papers beside their own numbers: target/papers/index.html"
+	@echo "make papers the experiments of the four papers beside their own numbers: target/papers/index.html (20 minutes, after ten of compiling)"
 	@echo "make docs   the guide, as pages: target/docs/index.html"
 	@echo "make deb    a Debian package: target/debian/"
 	@echo "make image  an image of that package, for podman or docker"
