@@ -4,7 +4,7 @@
 //! the far side by about d / σ (in log odds, up to a factor). The change after which these sum up to most is the most probable one: a
 //! cumulative sum, E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
 
-use super::passing::Fix;
+use super::fix::Fix;
 
 /// Largest evidence of one fix, standard deviations.
 const MOST_SIGMAS: f64 = 10.0;

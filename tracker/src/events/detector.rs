@@ -9,8 +9,9 @@ use scenes::room::{Line, Room};
 use super::border::Area;
 use super::cameras::Cameras;
 use super::doors::{Doors, UnseenPart, UnseenWay};
+use super::fix::Fix;
 use super::gap::path_between;
-use super::passing::{Crossed, Crossings, Decision, Fix, Stay};
+use super::passing::{Crossed, Crossings, Decision, Stay};
 use super::{Clock, Direction, Event, EventKind, EventOptions};
 use crate::TrackId;
 

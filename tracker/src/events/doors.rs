@@ -8,8 +8,8 @@ use nalgebra::{Point2, Vector2};
 use scenes::room::{Zone, ZoneKind};
 
 use super::EventOptions;
+use super::fix::Fix;
 use super::gap::FASTEST_M_S;
-use super::passing::Fix;
 
 /// Longest time for which a person walks unseen to a zone, and from one border of it to the other, seconds.
 const UNSEEN_S: f64 = 1.0;

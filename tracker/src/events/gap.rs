@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::passing::Fix;
+use super::fix::Fix;
 
 /// Longest time between two fixes that is passed straight, seconds.
 const STRAIGHT_S: f64 = 0.15;

@@ -18,6 +18,7 @@ mod event;
 #[cfg(test)]
 mod file_tests;
 mod files;
+mod fix;
 mod gap;
 mod groups;
 mod heat;
