@@ -164,7 +164,7 @@ fn entries() -> StepResult<()> {
     Ok(())
 }
 
-/// Who came in, and who of them was found.
+/// People who came in, and those of them that the tracker found.
 #[derive(Default)]
 struct Entries {
     came: BTreeSet<u32>,

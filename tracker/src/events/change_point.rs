@@ -1,6 +1,6 @@
 //! The moment at which a person changed sides, among all at which their estimated path met the border.
 //!
-//! The path of somebody who stays near a border meets it again and again. A position `d` metres beyond the border, known to σ, speaks for
+//! The path of a person who stays near a border meets it again and again. A position `d` metres beyond the border, known to σ, speaks for
 //! the far side by about d / σ (in log odds, up to a factor). The change after which these sum up to most is the most probable one: a
 //! cumulative sum, E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
 
@@ -51,9 +51,9 @@ mod tests {
         Fix { frame: 1, time_s, place: Point2::origin(), sigma_m: Vector2::repeat(0.05) }
     }
 
-    /// Somebody stops 4 cm beyond a border at 5 s, stays for 20 s, and goes on; positions are known to 5 cm.
+    /// A person stops 4 cm beyond a border at 5 s, stays for 20 s, and goes on; positions are known to 5 cm.
     #[test]
-    fn who_stops_behind_a_border_has_passed_it_when_they_came() {
+    fn a_person_who_stops_behind_a_border_has_passed_it_on_arrival() {
         let noise = Normal::new(0.0, 0.05).unwrap();
         let (mut sum_s, mut sum_of_latest_s) = (0.0, 0.0);
         for seed in 0..50 {
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn who_goes_back_and_comes_again_has_passed_when_they_came_again() {
+    fn a_person_who_goes_back_and_returns_has_passed_on_the_return() {
         let mut change = ChangePoint::default();
         for (time_s, sigmas) in [(0.0, -3.0), (1.0, 1.0), (2.0, -4.0), (3.0, 2.0), (4.0, 3.0)] {
             if sigmas > 0.0 {

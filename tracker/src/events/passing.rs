@@ -119,7 +119,7 @@ impl Stay {
         // In an area that is narrower than the uncertainty, half the way to its middle has to do.
         let inner_m = outer_m.min(0.5 * area.depth_m);
         let beyond = match self.side {
-            // What came before is no beginning of a change.
+            // A certain return: a change that begins later does not begin at an earlier meeting of the border.
             Side::Inside(_) if signed_m >= inner_m => {
                 self.outward = ChangePoint::default();
                 None
@@ -238,6 +238,7 @@ pub(super) struct Crossings {
     /// Crossings inward less those outward, since the side was last certain.
     net: i32,
     doubt: Doubt,
+    /// The time of the crossing inward, and that of the crossing outward.
     inward: ChangePoint,
     outward: ChangePoint,
 }
@@ -283,7 +284,7 @@ impl Crossings {
         if self.net == 0 {
             self.doubt = Doubt::default();
             if is_beyond {
-                // What came before is no beginning of a crossing.
+                // A certain return: a later crossing does not begin at an earlier meeting of the line.
                 *self = Self::from(*fix);
             }
             return None;

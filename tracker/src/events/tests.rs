@@ -297,7 +297,7 @@ fn a_line_in_a_door_is_crossed_by_who_is_first_or_last_seen_behind_it() {
 }
 
 #[test]
-fn whoever_was_walking_to_a_door_has_left_through_it_unless_they_come_back() {
+fn a_person_last_seen_walking_to_a_door_has_left_through_it_unless_the_track_goes_on() {
     // From x = 3.2 toward the door at 1 m/s; last seen at 3 s, 70 cm before it.
     let lines = |speed: f64, back_s: f64| {
         let mut lines = walk(12.0, |t| {
@@ -317,6 +317,39 @@ fn whoever_was_walking_to_a_door_has_left_through_it_unless_they_come_back() {
     assert_eq!(back[6..8], ["revoke-disappear door 3.00", "revoke-leave door 4.70 1.00 s"], "{back:?}");
     assert!(!lines(-0.1, 99.0).iter().any(|w| w.contains("door")), "too slow to get there");
     assert!(!lines(1.0, 99.0).iter().any(|w| w.contains("leave door 4")), "walking away from it");
+}
+
+#[test]
+fn a_person_first_seen_walking_from_a_door_has_come_through_it() {
+    // From x = 1.23, 73 cm behind the door, eastward at 1 m/s, first seen at 3 s.
+    let mut lines = walk(6.0, |t| (t >= 3.0).then_some((1.23 + t - 3.0, 0.0)));
+    for person in lines.iter_mut().flat_map(|line| &mut line.people) {
+        person.vx = 1.0;
+    }
+    let events = events_of(&lines);
+    let told = words(&events);
+    assert_eq!(told[..3], ["appear door 3.00", "enter door 1.30", "leave door 2.27 0.97 s"], "{told:?}");
+    // Each bears the last frame that is not after it, also where the person was not seen yet.
+    for event in &events {
+        assert_eq!(event.frame, (event.time * RATE + 1e-6).floor() as u32 + 1, "{event:?}");
+    }
+    // Somebody who is there in the first line has not come during the run.
+    let since_first: Vec<FrameLine> = lines.split_off(30);
+    assert_eq!(words(&events_of(&since_first))[0], "appear - 3.00");
+}
+
+/// Positions in a gap lie on the path, but nobody has seen them.
+#[test]
+fn a_single_wild_position_decides_nothing_at_a_low_rate_either() {
+    let lines: Vec<FrameLine> = (1..=40)
+        .map(|frame| {
+            let time_s = f64::from(frame - 1) * 0.5;
+            let x = if frame == 20 { 2.5 } else { 1.7 };
+            let people = vec![PersonLine { vx: 0.3, vy: 0.1, ..person(7, x, 0.0) }];
+            FrameLine { time: time_s, ..line(frame, people) }
+        })
+        .collect();
+    assert_eq!(words(&events_of(&lines)), ["appear - 0.00"]);
 }
 
 #[test]
