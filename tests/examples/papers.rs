@@ -75,7 +75,7 @@ impl Experiment {
         write_output(page, self.table.as_deref().unwrap_or_default());
         for picture in &self.pictures {
             let bytes = std::fs::read(picture).map_err(|e| format!("{}: {e}", picture.display()))?;
-            let name = picture.file_stem().unwrap_or_default().to_string_lossy();
+            let name = picture.file_stem().unwrap_or_default().to_string_lossy().replace('_', " ");
             let _ = writeln!(
                 page,
                 "<figure><img alt=\"{name}\" src=\"data:image/png;base64,{}\"><figcaption>{name}</figcaption></figure>",
