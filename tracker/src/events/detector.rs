@@ -184,16 +184,16 @@ impl Events {
             },
             None => self.new_visit(person.id, &fix, &velocity, f64::NEG_INFINITY),
         };
-        let gap = path_between((&visit.last, &visit.velocity), (&fix, &velocity), self.options.lost_s);
-        for between in gap {
-            for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
-                stay.walk(area, &between, &self.options);
-            }
-            for (crossings, line) in visit.crossings.iter_mut().zip(&self.lines) {
-                crossings.walk(line, &between, &self.options);
-            }
-        }
-        let decided = self.pass(person.id, &mut visit, [fix]);
+        let mut gap: Vec<Fix> =
+            path_between((&visit.last, &visit.velocity), (&fix, &velocity), self.options.lost_s).collect();
+        gap.iter_mut()
+            .for_each(|between| between.frame = self.frame_at(between.time_s).unwrap_or(between.frame));
+        let decided = if self.was_missing_since(visit.last.time_s) {
+            self.pass(person.id, &mut visit, gap.into_iter().chain([fix]))
+        } else {
+            self.walk(&mut visit, &gap);
+            self.pass(person.id, &mut visit, [fix])
+        };
         (visit.last, visit.velocity) = (fix, velocity);
         if let Some(withheld) = &mut visit.withheld {
             withheld.extend(decided);
@@ -250,6 +250,29 @@ impl Events {
         events
     }
 
+    /// Whether the run has a line before this one, but after a time at which a person was seen last.
+    fn was_missing_since(&self, seen_s: f64) -> bool {
+        self.frames.iter().nth_back(1).is_some_and(|(before_s, _)| *before_s > seen_s)
+    }
+
+    /// The last frame that is not after a time, among the latest.
+    fn frame_at(&self, time_s: f64) -> Option<u32> {
+        let later = self.frames.partition_point(|(frame_s, _)| *frame_s <= time_s);
+        later.checked_sub(1).map(|before| self.frames[before].1)
+    }
+
+    /// Takes positions between two frames of a low rate, by time: they date what is decided later, and decide nothing.
+    fn walk(&self, visit: &mut Visit, path: &[Fix]) {
+        for fix in path {
+            for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
+                stay.walk(area, fix, &self.options);
+            }
+            for (crossings, line) in visit.crossings.iter_mut().zip(&self.lines) {
+                crossings.walk(line, fix, &self.options);
+            }
+        }
+    }
+
     /// Takes positions of a person's path, by time; the events that are decided now.
     fn pass(&self, id: TrackId, visit: &mut Visit, path: impl IntoIterator<Item = Fix>) -> Vec<Event> {
         let mut events = Vec::new();
@@ -304,8 +327,7 @@ impl Events {
         let from_s = self.first_s.map_or(from_s, |first_s| from_s.max(first_s));
         let mut way = self.doors.unseen_way(part, fix, velocity, (from_s, self.now_s))?;
         for fix in way.path.iter_mut().chain([&mut way.beyond]) {
-            let later = self.frames.partition_point(|(time_s, _)| *time_s <= fix.time_s);
-            fix.frame = later.checked_sub(1).map_or(fix.frame, |before| self.frames[before].1);
+            fix.frame = self.frame_at(fix.time_s).unwrap_or(fix.frame);
         }
         Some(way)
     }

@@ -1,4 +1,4 @@
-//! The path between two fixes that are far apart in time: a cubic with the velocities at both.
+//! The path between two fixes that are far apart in time, by a gap of the track or a low rate: a cubic with the velocities at both.
 
 use nalgebra::Vector2;
 

@@ -338,7 +338,19 @@ fn a_person_first_seen_walking_from_a_door_has_come_through_it() {
     assert_eq!(words(&events_of(&since_first))[0], "appear - 3.00");
 }
 
-/// Positions in a gap lie on the path, but nobody has seen them.
+/// Straight through the counter at 1.5 m/s, from 1.33 s to 2.67 s; the track has a gap meanwhile, and the run goes on.
+#[test]
+fn a_region_that_is_passed_in_a_gap_of_the_track_is_entered_and_left() {
+    let mut lines = walk(5.0, |t| (!(1.15..2.85).contains(&t)).then_some((3.0, -3.0 + 1.5 * t)));
+    for person in lines.iter_mut().flat_map(|line| &mut line.people) {
+        person.vy = 1.5;
+    }
+    let events = events_of(&lines);
+    assert_eq!(words(&events), ["appear - 0.00", "enter counter 1.33", "leave counter 2.67 1.33 s"]);
+    assert_eq!(events.iter().map(|event| event.frame).collect::<Vec<_>>(), [1, 14, 27]);
+}
+
+/// Positions between the frames of a low rate lie on the path, but nobody was looked for there.
 #[test]
 fn a_single_wild_position_decides_nothing_at_a_low_rate_either() {
     let lines: Vec<FrameLine> = (1..=40)
