@@ -7,8 +7,9 @@ use super::matching::Matching;
 use super::presence::Presence;
 use crate::silhouette::Body;
 
-/// Least odds of a pair of person and box, were the person surely detected; pairs below are dropped.
-const LEAST_ODDS: f64 = 1e-3;
+/// Least odds of a pair of person and box, were the person surely detected; pairs below are dropped. Such a pair changes the log sum by
+/// at most this, and what a moment costs grows with the number of pairs and with that of the people whom they connect.
+const LEAST_ODDS: f64 = 3e-2;
 /// Upper bound of the odds of a detection.
 const MOST_HIT_ODDS: f64 = 32.4;
 /// Margin within which an expected box counts as reaching the image's border, as a fraction of the width.
