@@ -135,8 +135,8 @@ fn shifts(args: &CheckArgs, room: &Room, films: &[NamedSource]) -> anyhow::Resul
     let found = offsets_of_recordings(&prepared, ports, &events, &alignments)?;
     let mut findings = Vec::new();
     for (camera, offset) in found.cameras.iter().enumerate() {
-        let is_told = offset.is_known
-            && offset.reference != camera
+        // What is not known well enough to be corrected by may still be beyond chance.
+        let is_told = offset.reference != camera
             && offset.offset_s.abs() >= SHIFTED_S.max(SHIFTED_SIGMAS * offset.sigma_s);
         if !is_told {
             continue;

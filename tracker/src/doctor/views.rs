@@ -28,7 +28,7 @@ const MUCH_BETTER: usize = 3;
 pub(super) const TURNED_DEG: f64 = 0.3;
 /// Share of the agreeing matches that would agree without a turn, too, of a camera that has not turned.
 const UNMOVED_SHARE: f64 = 0.5;
-/// Fewest keypoints of a picture that could be recognised.
+/// Fewest keypoints of a picture that can be recognised, or that can recognise another.
 const LEAST_KEYPOINTS: usize = 150;
 
 /// A film's empty scene.
@@ -141,14 +141,23 @@ fn compare_one(
         }
     }
     if here.agreeing < LEAST_AGREEING {
-        if keypoints >= LEAST_KEYPOINTS && reference.landmarks.len() >= LEAST_KEYPOINTS {
+        let expected = reference.landmarks.len();
+        if expected < LEAST_KEYPOINTS {
+            return Ok((report, None));
+        }
+        if keypoints < LEAST_KEYPOINTS {
             return finding(format!(
-                "shows nothing of the room's reference picture of camera `{}` ({} of {keypoints} points agree): is it of another \
-                 room, or was the camera moved? Build the room from a capture that ends at the camera's present pose",
-                film.camera, here.agreeing
+                "shows next to nothing ({keypoints} points where the room's reference picture of camera `{}` has {expected}): is its \
+                 lens covered or out of focus, is it dark, or was the camera moved? Film again, or build the room from a capture that \
+                 ends at the camera's present pose",
+                film.camera
             ));
         }
-        return Ok((report, None));
+        return finding(format!(
+            "shows nothing of the room's reference picture of camera `{}` ({} of {keypoints} points agree): is it of another \
+             room, or was the camera moved? Build the room from a capture that ends at the camera's present pose",
+            film.camera, here.agreeing
+        ));
     }
     if is_turned(&here) {
         return finding(format!(
