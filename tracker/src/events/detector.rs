@@ -184,10 +184,14 @@ impl Events {
             },
             None => self.new_visit(person.id, &fix, &velocity, f64::NEG_INFINITY),
         };
-        let mut gap: Vec<Fix> =
-            path_between((&visit.last, &visit.velocity), (&fix, &velocity), self.options.lost_s).collect();
-        gap.iter_mut()
-            .for_each(|between| between.frame = self.frame_at(between.time_s).unwrap_or(between.frame));
+        let with_frame = |between: Fix| {
+            let frame = self.frame_at(between.time_s).unwrap_or(between.frame);
+            Fix { frame, ..between }
+        };
+        let gap: Vec<Fix> =
+            path_between((&visit.last, &visit.velocity), (&fix, &velocity), self.options.lost_s)
+                .map(with_frame)
+                .collect();
         let decided = if self.was_missing_since(visit.last.time_s) {
             self.pass(person.id, &mut visit, gap.into_iter().chain([fix]))
         } else {
