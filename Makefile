@@ -18,7 +18,7 @@ help:
 	@echo "make lint   formatting, clippy, documentation, dependencies where cargo-deny is installed"
 	@echo "make deny   licences, sources and advisories of the dependencies (installs cargo-deny; advisories need the network)"
 	@echo "make bench  accuracy and speed on the data with ground truth"
-	@echo "make fuzz   damaged and hostile files for every reader (about 10 minutes)"
+	@echo "make fuzz   looks for files and packets that a reader does not survive (10 minutes after the first build, which takes longer)"
 	@echo "make papers the experiments of the four papers beside their own numbers: target/papers/index.html (20 minutes, after ten of compiling)"
 	@echo "make docs   the guide, as pages: target/docs/index.html"
 	@echo "make deb    a Debian package: target/debian/"
@@ -56,7 +56,8 @@ bench: libraries
 	cargo bench --locked --workspace $(FEATURES)
 
 fuzz: libraries
-	FUZZ_ROUNDS=100000 cargo test --release --locked --workspace $(FEATURES) --test end_to_end parsers::
+	@./tests/setup.sh fuzz
+	@./tests/fuzz/run.sh
 
 papers: libraries
 	cargo build --release --locked --workspace --bins --examples --benches $(FEATURES)

@@ -4,7 +4,7 @@
 # Or the browser that pages are tested in.   setup.sh browser
 # Or what a package, an image or the guide is made with; programs from crates.io go to target/tools.
 #   setup.sh package | image | guide
-# Or what checks the dependencies.   setup.sh deny
+# Or what checks the dependencies, or what looks for inputs that readers do not survive.   setup.sh deny | fuzz
 set -euo pipefail
 
 as_root=()
@@ -54,6 +54,10 @@ image)
     ;;
 deny)
     tool cargo-deny 0.20.2
+    exit 0
+    ;;
+fuzz)
+    tool cargo-fuzz 0.13.2
     exit 0
     ;;
 guide)

@@ -1,0 +1,134 @@
+//! Every reader of files and packets that come from outside, with something good for it to read: what the test of damaged files
+//! and the fuzzer start from.
+
+mod samples;
+
+use std::path::{Path, PathBuf};
+
+use mot::{jsonl, rows::RowFile};
+use recon::pipeline::BuildOptions;
+use recon::project::Project;
+use scenes::exchange::{ModelOptions, alignment, colmap, nerfstudio};
+use scenes::geometry::scan::Placing;
+use shell::plain_text;
+use tracker::source::{DetectorBoxes, Times};
+use tracker::wire::encoding::{Limits, Message};
+use tracker::wire::packet;
+
+/// A reader of one kind of file or packet.
+pub struct Reader {
+    /// Name of the file, in a folder of its own where others belong to it.
+    pub name: &'static str,
+    /// Good content.
+    pub content: Vec<u8>,
+    /// Files that are read with it, by name.
+    beside: Vec<(&'static str, Vec<u8>)>,
+    read: fn(&Path) -> Result<(), String>,
+}
+
+impl Reader {
+    /// Writes the files that are read with this one below a folder.
+    ///
+    /// # Errors
+    /// What the file system answers.
+    pub fn prepare(&self, folder: &Path) -> std::io::Result<PathBuf> {
+        let path = folder.join(self.name);
+        let own = path.parent().unwrap_or(folder);
+        std::fs::create_dir_all(own)?;
+        self.beside.iter().try_for_each(|(name, content)| std::fs::write(own.join(name), content))?;
+        Ok(path)
+    }
+
+    /// Reads a file at the path that [`Self::prepare`] gave.
+    ///
+    /// # Errors
+    /// The reader's error, as programs print it.
+    ///
+    /// # Panics
+    /// A reader that panics, and a line that no terminal should be shown.
+    pub fn read(&self, path: &Path) -> Result<(), String> {
+        let line = (self.read)(path).map_err(|error| plain_text::one_line(&error));
+        if let Err(line) = &line {
+            let is_plain = !line.is_empty() && !line.chars().any(char::is_control);
+            assert!(is_plain && line.chars().count() <= plain_text::LONGEST_LINE, "{}: {line:?}", self.name);
+        }
+        line
+    }
+}
+
+/// All readers.
+///
+/// # Errors
+/// What prevents a good file from being written.
+pub fn readers() -> Result<Vec<Reader>, String> {
+    let text = |text: &str| text.as_bytes().to_vec();
+    let reader = |name, content, read| Reader { name, content, beside: Vec::new(), read };
+    let with = |name, content, beside, read| Reader { name, content, beside, read };
+    let colmap_text = || {
+        vec![
+            ("cameras.txt", text(samples::COLMAP_CAMERAS)),
+            ("images.txt", text(samples::COLMAP_IMAGES)),
+            ("points3D.txt", text(samples::COLMAP_POINTS)),
+        ]
+    };
+    let colmap_binary = || {
+        vec![
+            ("cameras.bin", samples::colmap_cameras()),
+            ("images.bin", samples::colmap_images()),
+            ("points3D.bin", samples::colmap_points()),
+        ]
+    };
+    let project = vec![("film.mp4", Vec::new()), ("lens.toml", text(samples::LENS))];
+    Ok(vec![
+        reader("rows.txt", text(samples::ROWS), |p| told(RowFile::read(p))),
+        reader("boxes.txt", text("1,-1,20,10,8,20,1\n6,-1,21,10,8,20,1\n"), |p| told(DetectorBoxes::read(p))),
+        reader("times.txt", text("0\n0.04\n0.08\n0.5\n"), |p| told(Times::read(p))),
+        reader("tracks.jsonl", text(samples::TRACKS), |p| told(jsonl::read(p))),
+        reader("room/scene.toml", text(samples::ROOM), |p| told(scenes::room::Room::read(folder(p)))),
+        reader("zones.toml", text(samples::ROOM), |p| told(scenes::room::read_markings(p))),
+        reader("text.ply", text(samples::PLY), |p| told(scenes::geometry::ply::read(p))),
+        reader("binary.ply", samples::binary_ply(), |p| told(scenes::geometry::ply::read(p))),
+        reader("room.obj", text(samples::OBJ), geometry),
+        reader("room.glb", samples::glb()?, geometry),
+        reader("room.las", samples::las()?, geometry),
+        reader("transforms.json", text(samples::NERFSTUDIO), |p| {
+            told(nerfstudio::read(p, &ModelOptions::default()))
+        }),
+        with("colmap_a/cameras.txt", text(samples::COLMAP_CAMERAS), colmap_text(), colmap_model),
+        with("colmap_b/images.txt", text(samples::COLMAP_IMAGES), colmap_text(), colmap_model),
+        with("colmap_c/points3D.txt", text(samples::COLMAP_POINTS), colmap_text(), colmap_model),
+        with("colmap_d/cameras.bin", samples::colmap_cameras(), colmap_binary(), colmap_model),
+        with("colmap_e/images.bin", samples::colmap_images(), colmap_binary(), colmap_model),
+        with("colmap_f/points3D.bin", samples::colmap_points(), colmap_binary(), colmap_model),
+        reader("lens.toml", text(samples::LENS), |p| told(calib::files::read_intrinsics(p))),
+        reader("options.toml", text(samples::OPTIONS), |p| told(BuildOptions::read(p))),
+        with("project/room.toml", text(samples::PROJECT), project, |p| told(Project::read(p))),
+        reader("points.csv", text(samples::KNOWN_POINTS), |p| told(alignment::read_points(p))),
+        reader("picture.png", samples::picture()?, |p| told(calib::picture::read(p))),
+        reader("depth.png", samples::depth()?, |p| told(scenes::depth::png::read(p))),
+        reader("packet", samples::station_packet()?, |p| told(packet::decode(&bytes(p)?))),
+        reader("message", samples::station_message()?, |p| {
+            told(Message::decode(&bytes(p)?, Limits { width: 64, height: 48 }))
+        }),
+    ])
+}
+
+fn told<T, E: std::fmt::Display>(read: Result<T, E>) -> Result<(), String> {
+    read.map(drop).map_err(|e| e.to_string())
+}
+
+fn folder(file: &Path) -> &Path {
+    file.parent().unwrap_or(file)
+}
+
+fn bytes(file: &Path) -> Result<Vec<u8>, String> {
+    std::fs::read(file).map_err(|e| e.to_string())
+}
+
+fn geometry(file: &Path) -> Result<(), String> {
+    told(scenes::geometry::files::read(file, &Placing::default()))
+}
+
+fn colmap_model(file: &Path) -> Result<(), String> {
+    told(colmap::read(folder(file), &ModelOptions::default()))
+}
