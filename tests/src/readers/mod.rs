@@ -130,5 +130,6 @@ fn geometry(file: &Path) -> Result<(), String> {
 }
 
 fn colmap_model(file: &Path) -> Result<(), String> {
-    told(colmap::read(folder(file), &ModelOptions::default()))
+    told(colmap::read(folder(file), &ModelOptions::default()))?;
+    told(colmap::geometry(folder(file), &Placing::default()))
 }

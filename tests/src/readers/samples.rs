@@ -81,6 +81,9 @@ height = 1.9
 [[control]]
 at = [1.0, 2.0]
 pixels = { a = [20.0, 30.0], b = [22.0, 31.0] }
+[[control]]
+at = [4.0, 2.0, 0.5]
+pixels = { a = [40.0, 30.0], b = [42.0, 31.0] }
 "#;
 
 pub(super) const KNOWN_POINTS: &str =
