@@ -1,4 +1,4 @@
-//! One reader of files or packets under libFuzzer: the one whose name is in `FUZZ_READER`. It ends in a value or in one line of error.
+//! Fuzz target that gives each input to one reader of files or packets, whose name is in `FUZZ_READER`.
 //!
 //! Without a name the program prints the names of all readers. Good content is written to the folder `FUZZ_SEEDS`, so that the fuzzer
 //! starts from it. `tests/fuzz/run.sh` runs all readers.

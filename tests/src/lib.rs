@@ -14,7 +14,7 @@
 //! * [`mix_ups`] — films of synthetic rooms with one of the usual mix-ups, for the check before a run.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`spoilt`] — the same with one of the usual mistakes, for the verdict of a build.
-//! * [`readers`] — every reader of files and packets, with something good to read.
+//! * [`readers`] — readers of files and packets, with something good for each to read.
 //! * [`relocation`] — pictures of cameras that have been bumped, with their true poses.
 //! * [`network_camera`] — a fake network camera with a clock, losses and faults of its own.
 //! * [`live`] — scenarios of live input, with figures of a run on such cameras.

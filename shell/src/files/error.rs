@@ -27,9 +27,10 @@ pub enum FileError {
 }
 
 impl FileError {
-    /// Builds a [`FileError::Content`].
+    /// Builds a [`FileError::Content`]. Lines of a library's message, or of a name in the file, become one.
     pub fn content(path: &Path, place: impl Into<String>, problem: impl Into<String>) -> Self {
-        Self::Content { path: path.to_owned(), place: place.into(), problem: problem.into() }
+        let joined = |text: String| if text.contains('\n') { text.replace('\n', " ") } else { text };
+        Self::Content { path: path.to_owned(), place: joined(place.into()), problem: joined(problem.into()) }
     }
 
     /// Returns a function for `map_err` that builds a [`FileError::Io`].

@@ -1,5 +1,8 @@
-//! Every reader of files and packets that come from outside, with something good for it to read: what the test of damaged files
-//! and the fuzzer start from.
+//! Readers of files and packets that come from outside, with something good for each to read: what the test of damaged files and the
+//! fuzzer start from.
+//!
+//! Left out are films (FFmpeg's), sites of `serve`, lists of frames, results that `events` and `report` read again, and boxes of a live
+//! detector.
 
 mod samples;
 
@@ -8,7 +11,7 @@ use std::path::{Path, PathBuf};
 use mot::{jsonl, rows::RowFile};
 use recon::pipeline::BuildOptions;
 use recon::project::Project;
-use scenes::exchange::{ModelOptions, alignment, colmap, nerfstudio};
+use scenes::exchange::{self, ModelOptions, alignment, colmap};
 use scenes::geometry::scan::Placing;
 use shell::plain_text;
 use tracker::source::{DetectorBoxes, Times};
@@ -45,18 +48,19 @@ impl Reader {
     /// The reader's error, as programs print it.
     ///
     /// # Panics
-    /// A reader that panics, and a line that no terminal should be shown.
+    /// If the reader does, or if its error has several lines or cannot be printed.
     pub fn read(&self, path: &Path) -> Result<(), String> {
-        let line = (self.read)(path).map_err(|error| plain_text::one_line(&error));
-        if let Err(line) = &line {
+        (self.read)(path).map_err(|error| {
+            assert!(!error.trim_end().contains('\n'), "{}: {error:?}", self.name);
+            let line = plain_text::one_line(&error);
             let is_plain = !line.is_empty() && !line.chars().any(char::is_control);
             assert!(is_plain && line.chars().count() <= plain_text::LONGEST_LINE, "{}: {line:?}", self.name);
-        }
-        line
+            line
+        })
     }
 }
 
-/// All readers.
+/// The readers.
 ///
 /// # Errors
 /// What prevents a good file from being written.
@@ -80,19 +84,21 @@ pub fn readers() -> Result<Vec<Reader>, String> {
     };
     let project = vec![("film.mp4", Vec::new()), ("lens.toml", text(samples::LENS))];
     Ok(vec![
-        reader("rows.txt", text(samples::ROWS), |p| told(RowFile::read(p))),
-        reader("boxes.txt", text("1,-1,20,10,8,20,1\n6,-1,21,10,8,20,1\n"), |p| told(DetectorBoxes::read(p))),
-        reader("times.txt", text("0\n0.04\n0.08\n0.5\n"), |p| told(Times::read(p))),
-        reader("tracks.jsonl", text(samples::TRACKS), |p| told(jsonl::read(p))),
-        reader("room/scene.toml", text(samples::ROOM), |p| told(scenes::room::Room::read(folder(p)))),
-        reader("zones.toml", text(samples::ROOM), |p| told(scenes::room::read_markings(p))),
-        reader("text.ply", text(samples::PLY), |p| told(scenes::geometry::ply::read(p))),
-        reader("binary.ply", samples::binary_ply(), |p| told(scenes::geometry::ply::read(p))),
+        reader("rows.txt", text(samples::ROWS), |p| outcome(RowFile::read(p))),
+        reader("boxes.txt", text("1,-1,20,10,8,20,1\n6,-1,21,10,8,20,1\n"), |p| {
+            outcome(DetectorBoxes::read(p))
+        }),
+        reader("times.txt", text("0\n0.04\n0.08\n0.5\n"), |p| outcome(Times::read(p))),
+        reader("tracks.jsonl", text(samples::TRACKS), |p| outcome(jsonl::read(p))),
+        reader("room/scene.toml", text(samples::ROOM), |p| outcome(scenes::room::Room::read(folder(p)))),
+        reader("zones.toml", text(samples::ROOM), |p| outcome(scenes::room::read_markings(p))),
+        reader("text.ply", text(samples::PLY), |p| outcome(scenes::geometry::ply::read(p))),
+        reader("binary.ply", samples::binary_ply(), |p| outcome(scenes::geometry::ply::read(p))),
         reader("room.obj", text(samples::OBJ), geometry),
         reader("room.glb", samples::glb()?, geometry),
         reader("room.las", samples::las()?, geometry),
         reader("transforms.json", text(samples::NERFSTUDIO), |p| {
-            told(nerfstudio::read(p, &ModelOptions::default()))
+            outcome(exchange::model(p, &ModelOptions::default()))
         }),
         with("colmap_a/cameras.txt", text(samples::COLMAP_CAMERAS), colmap_text(), colmap_model),
         with("colmap_b/images.txt", text(samples::COLMAP_IMAGES), colmap_text(), colmap_model),
@@ -100,20 +106,20 @@ pub fn readers() -> Result<Vec<Reader>, String> {
         with("colmap_d/cameras.bin", samples::colmap_cameras(), colmap_binary(), colmap_model),
         with("colmap_e/images.bin", samples::colmap_images(), colmap_binary(), colmap_model),
         with("colmap_f/points3D.bin", samples::colmap_points(), colmap_binary(), colmap_model),
-        reader("lens.toml", text(samples::LENS), |p| told(calib::files::read_intrinsics(p))),
-        reader("options.toml", text(samples::OPTIONS), |p| told(BuildOptions::read(p))),
-        with("project/room.toml", text(samples::PROJECT), project, |p| told(Project::read(p))),
-        reader("points.csv", text(samples::KNOWN_POINTS), |p| told(alignment::read_points(p))),
-        reader("picture.png", samples::picture()?, |p| told(calib::picture::read(p))),
-        reader("depth.png", samples::depth()?, |p| told(scenes::depth::png::read(p))),
-        reader("packet", samples::station_packet()?, |p| told(packet::decode(&bytes(p)?))),
+        reader("lens.toml", text(samples::LENS), |p| outcome(calib::files::read_intrinsics(p))),
+        reader("options.toml", text(samples::OPTIONS), |p| outcome(BuildOptions::read(p))),
+        with("project/room.toml", text(samples::PROJECT), project, |p| outcome(Project::read(p))),
+        reader("points.csv", text(samples::KNOWN_POINTS), |p| outcome(alignment::read_points(p))),
+        reader("picture.png", samples::picture()?, |p| outcome(calib::picture::read(p))),
+        reader("depth.png", samples::depth()?, |p| outcome(scenes::depth::png::read(p))),
+        reader("packet", samples::station_packet()?, |p| outcome(packet::decode(&bytes(p)?))),
         reader("message", samples::station_message()?, |p| {
-            told(Message::decode(&bytes(p)?, Limits { width: 64, height: 48 }))
+            outcome(Message::decode(&bytes(p)?, Limits { width: 64, height: 48 }))
         }),
     ])
 }
 
-fn told<T, E: std::fmt::Display>(read: Result<T, E>) -> Result<(), String> {
+fn outcome<T, E: std::fmt::Display>(read: Result<T, E>) -> Result<(), String> {
     read.map(drop).map_err(|e| e.to_string())
 }
 
@@ -126,10 +132,10 @@ fn bytes(file: &Path) -> Result<Vec<u8>, String> {
 }
 
 fn geometry(file: &Path) -> Result<(), String> {
-    told(scenes::geometry::files::read(file, &Placing::default()))
+    outcome(scenes::geometry::files::read(file, &Placing::default()))
 }
 
 fn colmap_model(file: &Path) -> Result<(), String> {
-    told(colmap::read(folder(file), &ModelOptions::default()))?;
-    told(colmap::geometry(folder(file), &Placing::default()))
+    outcome(exchange::model(folder(file), &ModelOptions::default()))?;
+    outcome(colmap::geometry(folder(file), &Placing::default()))
 }

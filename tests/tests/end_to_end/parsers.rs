@@ -1,8 +1,10 @@
-//! Every reader of files on damaged and hostile content: it ends in a value or in one line of error, soon.
+//! Readers of files and packets on damaged and hostile content: each ends in a value or in one line of error, soon.
 //!
 //! Good files are changed at random: bytes, numbers that no file should hold, lines cut, doubled and left out. `make fuzz` looks
 //! for what this does not find, guided by coverage.
 
+use std::path::Path;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use rand::{RngExt, SeedableRng};
@@ -14,7 +16,7 @@ const ROUNDS: u32 = 150;
 /// Longest time of one reading.
 const LONGEST: Duration = Duration::from_secs(10);
 
-/// Texts that take the place of a number or a word.
+/// Texts that take the place of a number or a word; the fuzzer's are in `tests/fuzz/hostile.dict`.
 const HOSTILE: [&str; 18] = [
     "1e308",
     "-1e308",
@@ -80,11 +82,39 @@ fn damaged_files_are_read_or_refused_in_one_line() {
             let bytes = changed(&reader.content, &mut rng);
             std::fs::write(&path, &bytes).unwrap();
             let begun = Instant::now();
-            let answer = reader.read(&path);
             let shown = String::from_utf8_lossy(&bytes);
+            let answer = std::panic::catch_unwind(|| reader.read(&path))
+                .unwrap_or_else(|_| panic!("{name}, round {round}: {shown:?}"));
             assert!(begun.elapsed() < LONGEST, "{name}, round {round}: {shown:?}");
             refused += u32::from(answer.is_err());
         }
         assert!(refused > ROUNDS / 10, "{name}: {refused} of {ROUNDS} are refused");
+    }
+}
+
+/// Inputs that cover most of what the fuzzer has ever reached in a reader, and those that one did not survive.
+#[test]
+fn inputs_that_the_fuzzer_found_are_read_or_refused_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = folder.path().join("corpus");
+    std::fs::create_dir(&corpus).unwrap();
+    let archive = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus.tar.gz");
+    let status = Command::new("tar").arg("-xzf").arg(&archive).arg("-C").arg(&corpus).status().unwrap();
+    assert!(status.success(), "{}", archive.display());
+    for reader in readers().unwrap() {
+        let path = reader.prepare(folder.path()).unwrap();
+        let inputs = std::fs::read_dir(corpus.join(reader.name.replace('/', "-"))).unwrap();
+        let mut count = 0;
+        for input in inputs {
+            let input = input.unwrap().path();
+            std::fs::copy(&input, &path).unwrap();
+            let begun = Instant::now();
+            // Both are right answers; what must not happen is a panic, a long wait, or an error of several lines.
+            let _answer = std::panic::catch_unwind(|| reader.read(&path))
+                .unwrap_or_else(|_| panic!("{}: {}", reader.name, input.display()));
+            assert!(begun.elapsed() < LONGEST, "{}: {}", reader.name, input.display());
+            count += 1;
+        }
+        assert!(count > 20, "{}: {count} inputs", reader.name);
     }
 }

@@ -32,7 +32,7 @@ const SHIFTED_SIGMAS: f64 = 4.0;
 /// Check whether films fit a room, and each other, before a run.
 ///
 /// Each film's empty scene is compared with the room's reference picture of its camera (films that were swapped, a camera
-/// that has turned, another room), its size with the camera's, its frames' times with its header, its start with the other
+/// that has turned, a covered lens, another room), its size with the camera's, its frames' times with its header, its start with the other
 /// films'; and where several films show people, the times at which they show them. Exits with 1 and a line for each
 /// finding; each names the film, what was found, and what to do.
 #[derive(Debug, Args)]
@@ -135,19 +135,24 @@ fn shifts(args: &CheckArgs, room: &Room, films: &[NamedSource]) -> anyhow::Resul
     let found = offsets_of_recordings(&prepared, ports, &events, &alignments)?;
     let mut findings = Vec::new();
     for (camera, offset) in found.cameras.iter().enumerate() {
-        // What is not known well enough to be corrected by may still be beyond chance.
+        // An offset that is too uncertain to correct by may still be significant.
         let is_told = offset.reference != camera
-            && offset.offset_s.abs() >= SHIFTED_S.max(SHIFTED_SIGMAS * offset.sigma_s);
+            && offset.offset_s.abs() >= SHIFTED_S
+            && offset.offset_s.abs() >= SHIFTED_SIGMAS * offset.sigma_s;
         if !is_told {
             continue;
         }
         let (name, reference) = (&prepared.cameras[camera].name, &prepared.cameras[offset.reference].name);
         let (offset_s, given_s) = (offset.offset_s, alignments[camera].offset_s);
+        let option = format!("--offset {name}={:.2}", given_s + offset_s);
+        let mend = if offset.is_known {
+            format!("give {option}")
+        } else {
+            format!("give {option} at first, and a better one by something that both films show")
+        };
         let text = format!(
-            "by the people seen, its first frame was taken {offset_s:.2} ± {:.2} s after that of `{reference}`: give --offset \
-             {name}={:.2}",
-            offset.sigma_s,
-            given_s + offset_s
+            "by the people seen, its first frame was taken {offset_s:.2} ± {:.2} s after that of `{reference}`: {mend}",
+            offset.sigma_s
         );
         let film =
             films.iter().find(|film| film.name == *name).map_or(String::new(), |film| film.spec.clone());

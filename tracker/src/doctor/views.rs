@@ -22,7 +22,8 @@ const CLEARLY_AGREEING: usize = 25;
 const SURELY_AGREEING: usize = 250;
 /// Least share of the matches that agree with the view of a camera that has turned; two cameras of one room share walls.
 const TURNED_SHARE: f64 = 0.5;
-/// Factor by which another camera's reference picture must agree better.
+/// Factor by which another camera's reference picture must agree better, and by which a reference picture has more keypoints than a
+/// film that shows next to nothing.
 const MUCH_BETTER: usize = 3;
 /// Turn of a camera that is told, degrees.
 pub(super) const TURNED_DEG: f64 = 0.3;
@@ -145,7 +146,7 @@ fn compare_one(
         if expected < LEAST_KEYPOINTS {
             return Ok((report, None));
         }
-        if keypoints < LEAST_KEYPOINTS {
+        if keypoints < LEAST_KEYPOINTS && keypoints * MUCH_BETTER < expected {
             return finding(format!(
                 "shows next to nothing ({keypoints} points where the room's reference picture of camera `{}` has {expected}): is its \
                  lens covered or out of focus, is it dark, or was the camera moved? Film again, or build the room from a capture that \

@@ -15,9 +15,8 @@ use super::passing::{Crossed, Crossings, Decision, Stay};
 use super::{Clock, Direction, Event, EventKind, EventOptions};
 use crate::TrackId;
 
-/// Time for which the numbers of frames are kept, seconds: longer than an unseen way after a person was missing for
-/// [`EventOptions::lost_s`].
-const FRAMES_S: f64 = 10.0;
+/// Time beyond [`EventOptions::lost_s`] for which the numbers of frames are kept, seconds: longer than an unseen way.
+const FRAMES_S: f64 = 3.0;
 
 /// Detector of a run's events: a pure state machine over the lines of `tracks.jsonl`.
 ///
@@ -34,7 +33,7 @@ pub struct Events {
     /// Times of the first and the last line, seconds.
     first_s: Option<f64>,
     now_s: f64,
-    /// Times and numbers of the latest frames, as far back as an unseen way reaches.
+    /// Times and numbers of the latest frames, as far back as a gap of a track or an unseen way reaches.
     frames: VecDeque<(f64, u32)>,
 }
 
@@ -81,7 +80,11 @@ impl Events {
         self.now_s = line.time;
         self.first_s.get_or_insert(line.time);
         self.frames.push_back((line.time, line.frame));
-        while self.frames.front().is_some_and(|(time_s, _)| *time_s < line.time - FRAMES_S) {
+        while self
+            .frames
+            .front()
+            .is_some_and(|(time_s, _)| *time_s < line.time - self.options.lost_s - FRAMES_S)
+        {
             self.frames.pop_front();
         }
         let mut events = Vec::new();
@@ -192,12 +195,13 @@ impl Events {
             path_between((&visit.last, &visit.velocity), (&fix, &velocity), self.options.lost_s)
                 .map(with_frame)
                 .collect();
-        let decided = if self.was_missing_since(visit.last.time_s) {
-            self.pass(person.id, &mut visit, gap.into_iter().chain([fix]))
+        let mut decided = if self.has_gap_since(visit.last.time_s) {
+            self.pass_gap(person.id, &mut visit, &gap, &fix)
         } else {
             self.walk(&mut visit, &gap);
-            self.pass(person.id, &mut visit, [fix])
+            Vec::new()
         };
+        decided.extend(self.pass(person.id, &mut visit, [fix]));
         (visit.last, visit.velocity) = (fix, velocity);
         if let Some(withheld) = &mut visit.withheld {
             withheld.extend(decided);
@@ -254,8 +258,8 @@ impl Events {
         events
     }
 
-    /// Whether the run has a line before this one, but after a time at which a person was seen last.
-    fn was_missing_since(&self, seen_s: f64) -> bool {
+    /// Whether at least one line of the run lies between a person's last fix and this line: a gap of the track, not a low rate.
+    fn has_gap_since(&self, seen_s: f64) -> bool {
         self.frames.iter().nth_back(1).is_some_and(|(before_s, _)| *before_s > seen_s)
     }
 
@@ -275,6 +279,22 @@ impl Events {
                 crossings.walk(line, fix, &self.options);
             }
         }
+    }
+
+    /// Takes the positions of a track's gap, by time, that ends with a fix; the events that are decided by them. They date crossings
+    /// of lines, but decide none.
+    fn pass_gap(&self, id: TrackId, visit: &mut Visit, gap: &[Fix], end: &Fix) -> Vec<Event> {
+        let mut events = Vec::new();
+        for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
+            let decisions = stay.pass_gap(area, gap, end, &self.options);
+            events.extend(decisions.into_iter().map(|d| self.stay_event(id, &area.name, d)));
+        }
+        for (crossings, line) in visit.crossings.iter_mut().zip(&self.lines) {
+            for fix in gap {
+                crossings.walk(line, fix, &self.options);
+            }
+        }
+        events
     }
 
     /// Takes positions of a person's path, by time; the events that are decided now.

@@ -81,7 +81,7 @@ impl Doors {
             UnseenPart::Arrival => (-1.0, ZoneKind::Exit),
             UnseenPart::Departure => (1.0, ZoneKind::Entry),
         };
-        // When somebody who stands or waits has come is unknown, and somebody faster than people is no person.
+        // The arrival time of a standing person is unknown; a speed above the fastest is an error of the track.
         let is_walking = (STANDING_M_S..=FASTEST_M_S).contains(&velocity.norm());
         let after = |step: u32| {
             let after_s = sign * UNSEEN_S * f64::from(step) / f64::from(UNSEEN_STEPS);
@@ -147,6 +147,10 @@ mod tests {
         assert_eq!(end(&door, Arrival, 0.9, 1.0, always), found("door", 9.1, 0.0));
         assert_eq!(end(&pair, Departure, 0.9, -1.0, always), found("out", 10.9, 0.0));
         assert_eq!(end(&pair, Arrival, 0.9, 1.0, always), found("in", 9.1, 0.0));
+        // Waiting in the door, and walking from it slowly.
+        assert_eq!(end(&door, Arrival, 0.9, 0.4, always), found("door", 10.0, 0.9));
+        assert_eq!(end(&door, Arrival, 0.3, 0.6, always), found("door", 9.5, 0.0));
+        assert_eq!(end(&door, Departure, 1.3, -0.4, always), None);
         // Standing in the door; beside it; walking away; too far; faster than people.
         assert_eq!(end(&door, Departure, 0.5, 0.0, always), found("door", 10.0, 0.5));
         for (x, speed) in [(1.3, 0.0), (1.3, 1.0), (2.5, -1.0), (1.3, -8.0)] {

@@ -13,6 +13,9 @@ use super::border::{Area, meetings, offset_from_line};
 use super::change_point::ChangePoint;
 use super::fix::Fix;
 
+/// Largest error of a difference of times, seconds.
+const ROUNDING_S: f64 = 1e-6;
+
 /// A decided side of an area's border.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Side {
@@ -49,7 +52,12 @@ impl Doubt {
             (side, _) => side.map(|side| (side, time_s)),
         };
         // Rounding must not hold a decision for one more frame.
-        self.since.is_some_and(|(_, since_s)| time_s - since_s >= lasting_s - 1e-6)
+        self.since.is_some_and(|(_, since_s)| time_s - since_s >= lasting_s - ROUNDING_S)
+    }
+
+    /// The new side has lasted for almost `lasting_s` at a time: one step there, and any later one, decide it.
+    fn almost(side: bool, time_s: f64, lasting_s: f64) -> Self {
+        Self { since: Some((side, time_s - lasting_s + 2.0 * ROUNDING_S)) }
     }
 }
 
@@ -158,6 +166,35 @@ impl Stay {
             decided.push(Decision::Dwelt(since, due));
         }
         decided
+    }
+
+    /// Takes the positions of a gap, by time, that ends with a fix. They decide a stay, or an absence, that begins and ends between
+    /// two fixes. The side that the person is on when seen again needs one more fix than that: the path leads there, however wrong it is.
+    pub(super) fn pass_gap(
+        &mut self,
+        area: &Area,
+        gap: &[Fix],
+        end: &Fix,
+        options: &EventOptions,
+    ) -> Vec<Decision> {
+        let is_inside = |stay: &Self| matches!(stay.side, Side::Inside(_));
+        let mut unseen = self.clone();
+        let decided: Vec<Decision> = gap.iter().flat_map(|fix| unseen.step(area, fix, options)).collect();
+        let has_changed = decided.iter().any(|decision| !matches!(decision, Decision::Dwelt(..)));
+        let ends_inside = area.offset(&end.place).signed_m >= 0.0;
+        let is_of_end = is_inside(&unseen) != is_inside(self) && is_inside(&unseen) == ends_inside;
+        if has_changed && !is_of_end {
+            unseen.doubt = Doubt::default();
+            *self = unseen;
+            return decided;
+        }
+        for fix in gap {
+            self.walk(area, fix, options);
+        }
+        if has_changed {
+            self.doubt = Doubt::almost(ends_inside, end.time_s, options.border_s);
+        }
+        Vec::new()
     }
 
     /// Decisions if the person is never seen again; the state stays, in case they are.

@@ -348,6 +348,29 @@ fn a_region_that_is_passed_in_a_gap_of_the_track_is_entered_and_left() {
     let events = events_of(&lines);
     assert_eq!(words(&events), ["appear - 0.00", "enter counter 1.33", "leave counter 2.67 1.33 s"]);
     assert_eq!(events.iter().map(|event| event.frame).collect::<Vec<_>>(), [1, 14, 27]);
+    // Beside it, and when the run has no lines meanwhile, nothing is told.
+    for line in &mut lines {
+        line.people.iter_mut().for_each(|person| person.x = 4.3);
+    }
+    assert_eq!(words(&events_of(&lines)), ["appear - 0.00"]);
+    lines.retain(|line| !line.people.is_empty());
+    lines.iter_mut().flat_map(|line| &mut line.people).for_each(|person| person.x = 3.0);
+    assert_eq!(words(&events_of(&lines)), ["appear - 0.00"]);
+}
+
+/// A gap leads to where the person is seen next, and that may be wrong.
+#[test]
+fn a_single_wild_position_after_a_gap_decides_nothing() {
+    for gap_s in [0.35, 1.05, 1.65] {
+        let mut lines = walk(8.0, |t| {
+            let x = if (4.95..5.05).contains(&t) { 2.5 } else { 1.7 };
+            (!(4.95 - gap_s..4.95).contains(&t)).then_some((x, 0.0))
+        });
+        for person in lines.iter_mut().flat_map(|line| &mut line.people) {
+            (person.vx, person.vy) = (0.3, 0.1);
+        }
+        assert_eq!(words(&events_of(&lines)), ["appear - 0.00"], "{gap_s}");
+    }
 }
 
 /// Positions between the frames of a low rate lie on the path, but nobody was looked for there.

@@ -7,8 +7,9 @@ use super::matching::Matching;
 use super::presence::Presence;
 use crate::silhouette::Body;
 
-/// Least odds of a pair of person and box, were the person surely detected; pairs below are dropped. Such a pair changes the log sum by
-/// at most this, and what a moment costs grows with the number of pairs and with that of the people whom they connect.
+/// Least odds of a pair of person and box, were the person surely detected; pairs below are dropped. Each changes the log sum by
+/// at most this. The cost of a moment grows with the number of pairs and the size of the groups of people whom they connect. Chosen on
+/// wildtrack for its speed, and checked on generated crowds.
 const LEAST_ODDS: f64 = 3e-2;
 /// Upper bound of the odds of a detection.
 const MOST_HIT_ODDS: f64 = 32.4;
