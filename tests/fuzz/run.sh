@@ -13,8 +13,12 @@ cargo metadata --locked --format-version 1 --manifest-path tests/fuzz/Cargo.toml
 # The stable compiler has no address sanitizer; safe code needs none.
 cargo fuzz build --fuzz-dir tests/fuzz --target "$host" --target-dir "$target" --sanitizer none readers
 program=$target/$host/release/readers
-names=("$@")
-[ $# -gt 0 ] || { list=$("$program" 2>/dev/null) && mapfile -t names <<<"$list"; }
+if [ $# -gt 0 ]; then
+    names=("$@")
+else
+    list=$("$program" 2>/dev/null)
+    mapfile -t names <<<"$list"
+fi
 
 # Each input is written to a file: in memory, where there is such a place.
 memory=/dev/shm

@@ -33,7 +33,7 @@ impl Reader {
     /// Writes the files that are read with this one below a folder.
     ///
     /// # Errors
-    /// What the file system answers.
+    /// An error of the file system.
     pub fn prepare(&self, folder: &Path) -> std::io::Result<PathBuf> {
         let path = folder.join(self.name);
         let own = path.parent().unwrap_or(folder);
@@ -63,11 +63,11 @@ impl Reader {
 /// The readers.
 ///
 /// # Errors
-/// What prevents a good file from being written.
+/// The reason why a good file could not be written.
 pub fn readers() -> Result<Vec<Reader>, String> {
     let text = |text: &str| text.as_bytes().to_vec();
     let reader = |name, content, read| Reader { name, content, beside: Vec::new(), read };
-    let with = |name, content, beside, read| Reader { name, content, beside, read };
+    let reader_beside = |name, content, beside, read| Reader { name, content, beside, read };
     let colmap_text = || {
         vec![
             ("cameras.txt", text(samples::COLMAP_CAMERAS)),
@@ -100,15 +100,15 @@ pub fn readers() -> Result<Vec<Reader>, String> {
         reader("transforms.json", text(samples::NERFSTUDIO), |p| {
             outcome(exchange::model(p, &ModelOptions::default()))
         }),
-        with("colmap_a/cameras.txt", text(samples::COLMAP_CAMERAS), colmap_text(), colmap_model),
-        with("colmap_b/images.txt", text(samples::COLMAP_IMAGES), colmap_text(), colmap_model),
-        with("colmap_c/points3D.txt", text(samples::COLMAP_POINTS), colmap_text(), colmap_model),
-        with("colmap_d/cameras.bin", samples::colmap_cameras(), colmap_binary(), colmap_model),
-        with("colmap_e/images.bin", samples::colmap_images(), colmap_binary(), colmap_model),
-        with("colmap_f/points3D.bin", samples::colmap_points(), colmap_binary(), colmap_model),
+        reader_beside("colmap_a/cameras.txt", text(samples::COLMAP_CAMERAS), colmap_text(), colmap_model),
+        reader_beside("colmap_b/images.txt", text(samples::COLMAP_IMAGES), colmap_text(), colmap_model),
+        reader_beside("colmap_c/points3D.txt", text(samples::COLMAP_POINTS), colmap_text(), colmap_model),
+        reader_beside("colmap_d/cameras.bin", samples::colmap_cameras(), colmap_binary(), colmap_model),
+        reader_beside("colmap_e/images.bin", samples::colmap_images(), colmap_binary(), colmap_model),
+        reader_beside("colmap_f/points3D.bin", samples::colmap_points(), colmap_binary(), colmap_model),
         reader("lens.toml", text(samples::LENS), |p| outcome(calib::files::read_intrinsics(p))),
         reader("options.toml", text(samples::OPTIONS), |p| outcome(BuildOptions::read(p))),
-        with("project/room.toml", text(samples::PROJECT), project, |p| outcome(Project::read(p))),
+        reader_beside("project/room.toml", text(samples::PROJECT), project, |p| outcome(Project::read(p))),
         reader("points.csv", text(samples::KNOWN_POINTS), |p| outcome(alignment::read_points(p))),
         reader("picture.png", samples::picture()?, |p| outcome(calib::picture::read(p))),
         reader("depth.png", samples::depth()?, |p| outcome(scenes::depth::png::read(p))),

@@ -15,6 +15,7 @@ use super::input;
 use super::stations::{Drawing, StationBuilder};
 use crate::doctor::Finding;
 use crate::doctor::film_times::{self, FilmTimes};
+use crate::doctor::shift;
 use crate::doctor::views::{self, EmptyScene, ViewReport};
 use crate::film::FilmOptions;
 use crate::foreground::backdrop::Backdrop;
@@ -23,11 +24,6 @@ use crate::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
 use crate::run::offsets_of_recordings;
 use crate::source::{self, NamedSource, NamedSources, sampling};
 use crate::station::{Pace, PictureDemand};
-
-/// Offset between two films' people that is told, seconds.
-const SHIFTED_S: f64 = 0.12;
-/// Standard deviations of an offset that is told.
-const SHIFTED_SIGMAS: f64 = 4.0;
 
 /// Check whether films fit a room, and each other, before a run.
 ///
@@ -134,26 +130,11 @@ fn shifts(args: &CheckArgs, room: &Room, films: &[NamedSource]) -> anyhow::Resul
     let (ports, events) = input::start(stations, rayon::current_num_threads());
     let found = offsets_of_recordings(&prepared, ports, &events, &alignments)?;
     let mut findings = Vec::new();
-    for (camera, offset) in found.cameras.iter().enumerate() {
-        // An offset that is too uncertain to correct by may still be significant.
-        let is_told = offset.reference != camera
-            && offset.offset_s.abs() >= SHIFTED_S
-            && offset.offset_s.abs() >= SHIFTED_SIGMAS * offset.sigma_s;
-        if !is_told {
-            continue;
-        }
+    for (camera, offset) in found.cameras.iter().enumerate().filter(|(camera, o)| o.reference != *camera) {
         let (name, reference) = (&prepared.cameras[camera].name, &prepared.cameras[offset.reference].name);
-        let (offset_s, given_s) = (offset.offset_s, alignments[camera].offset_s);
-        let option = format!("--offset {name}={:.2}", given_s + offset_s);
-        let mend = if offset.is_known {
-            format!("give {option}")
-        } else {
-            format!("give {option} at first, and a better one by something that both films show")
+        let Some(text) = shift::finding(name, reference, alignments[camera].offset_s, offset) else {
+            continue;
         };
-        let text = format!(
-            "by the people seen, its first frame was taken {offset_s:.2} ± {:.2} s after that of `{reference}`: {mend}",
-            offset.sigma_s
-        );
         let film =
             films.iter().find(|film| film.name == *name).map_or(String::new(), |film| film.spec.clone());
         findings.push(Finding { camera: name.clone(), film, text });

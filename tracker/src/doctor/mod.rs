@@ -3,6 +3,7 @@
 //! * [`views`] — each film's empty scene against the room's reference pictures: films that were swapped, a camera that has
 //!   turned since, another room, somebody who stands still for most of a film.
 //! * [`film_times`] — the times that a film's file states: its start, gaps, and a rate that its header has wrong.
+//! * [`shift`] — the times at which films show the same people.
 //! * [`pose_watch`] — the same during a run: a camera that turns.
 //!
 //! A finding before a run is a warning: the run goes on with what it was given.
@@ -10,6 +11,7 @@
 mod agreement;
 pub mod film_times;
 pub mod pose_watch;
+pub mod shift;
 mod still_people;
 #[cfg(test)]
 mod tests;

@@ -99,7 +99,9 @@ fn films_at_the_reference_pose_are_clean_and_swapped_ones_are_told() {
     // A covered lens.
     let found = findings(&room, folder.path(), &[scene("a", RgbImage::new(480, 360))]);
     assert!(found.len() == 1 && found[0].contains("shows next to nothing (0 points"), "{found:?}");
-    // Without reference pictures there is nothing to compare with.
+    // A reference picture without anything to recognise, and none at all: there is nothing to compare with.
+    RgbImage::new(480, 360).save(folder.path().join("a.png")).unwrap();
+    assert_eq!(findings(&room, folder.path(), &[scene("a", picture(&still, 9, 0))]), [""; 0]);
     std::fs::remove_file(folder.path().join("a.png")).unwrap();
     assert_eq!(findings(&room, folder.path(), &[scene("a", picture(&still, 9, 0))]), [""; 0]);
 }

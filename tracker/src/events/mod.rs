@@ -30,6 +30,8 @@ pub mod stats;
 mod tally;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unseen_tests;
 mod words;
 
 pub use clock::Clock;

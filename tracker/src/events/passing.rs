@@ -55,8 +55,8 @@ impl Doubt {
         self.since.is_some_and(|(_, since_s)| time_s - since_s >= lasting_s - ROUNDING_S)
     }
 
-    /// The new side has lasted for almost `lasting_s` at a time: one step there, and any later one, decide it.
-    fn almost(side: bool, time_s: f64, lasting_s: f64) -> Self {
+    /// Doubt that a fix at `time_s` does not resolve, but one more on the same side does.
+    fn until_after(side: bool, time_s: f64, lasting_s: f64) -> Self {
         Self { since: Some((side, time_s - lasting_s + 2.0 * ROUNDING_S)) }
     }
 }
@@ -168,8 +168,9 @@ impl Stay {
         decided
     }
 
-    /// Takes the positions of a gap, by time, that ends with a fix. They decide a stay, or an absence, that begins and ends between
-    /// two fixes. The side that the person is on when seen again needs one more fix than that: the path leads there, however wrong it is.
+    /// Takes the positions of a gap between the last fix and `end`, by time. They decide a stay, or an absence, that begins and ends
+    /// between the two. A side on which the person is at either fix is left to the fixes: the path leads there, however wrong that fix
+    /// is. One fix after `end` is enough then.
     pub(super) fn pass_gap(
         &mut self,
         area: &Area,
@@ -177,13 +178,12 @@ impl Stay {
         end: &Fix,
         options: &EventOptions,
     ) -> Vec<Decision> {
-        let is_inside = |stay: &Self| matches!(stay.side, Side::Inside(_));
         let mut unseen = self.clone();
         let decided: Vec<Decision> = gap.iter().flat_map(|fix| unseen.step(area, fix, options)).collect();
         let has_changed = decided.iter().any(|decision| !matches!(decision, Decision::Dwelt(..)));
+        let began_inside = self.last.is_some_and(|(_, signed_m)| signed_m >= 0.0);
         let ends_inside = area.offset(&end.place).signed_m >= 0.0;
-        let is_of_end = is_inside(&unseen) != is_inside(self) && is_inside(&unseen) == ends_inside;
-        if has_changed && !is_of_end {
+        if has_changed && began_inside == ends_inside {
             unseen.doubt = Doubt::default();
             *self = unseen;
             return decided;
@@ -192,7 +192,7 @@ impl Stay {
             self.walk(area, fix, options);
         }
         if has_changed {
-            self.doubt = Doubt::almost(ends_inside, end.time_s, options.border_s);
+            self.doubt = Doubt::until_after(ends_inside, end.time_s, options.border_s);
         }
         Vec::new()
     }
