@@ -41,8 +41,11 @@ test: setup
 	cargo build --locked --workspace --bins --tests $(FEATURES)
 	@./tests/run.sh --locked --workspace $(FEATURES)
 
+# tests/fuzz is a workspace of its own; its lock file must follow the readers' dependencies.
 lint: libraries
 	cargo fmt --all --check
+	cargo fmt --manifest-path tests/fuzz/Cargo.toml --check
+	cargo metadata --locked --format-version 1 --manifest-path tests/fuzz/Cargo.toml >/dev/null
 	cargo clippy --locked --workspace --all-targets $(FEATURES) -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace $(FEATURES) --no-deps --document-private-items
 	@./tests/deny.sh
