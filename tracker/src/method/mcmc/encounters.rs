@@ -12,11 +12,11 @@
 //! ```
 //!
 //! where `places` is the log probability ratio of the exchange by the motion alone, and a name's traits are those of one person,
-//! whose height and width have the prior of all people ([`window`]), and whose appearance vectors, where the detector gives some,
-//! are near to one another as they are within a track ([`appearance`]). The most probable set of exchanges is searched for by
-//! simulated annealing ([`annealing`]), from the one that held before. A track that ended and one that began near it are an
-//! encounter, too: an exchange then gives the new track the old name. Names are exchanged from the encounter on, in all held
-//! moments; what has been told already stays.
+//! whose height and width are among those of the people who are tracked ([`super::population`], [`window`]), and whose appearance
+//! vectors, where the detector gives some, are near to one another as they are within a track ([`appearance`]). The most probable
+//! set of exchanges is searched for by simulated annealing ([`annealing`]), from the one that held before. A track that ended and
+//! one that began near it are an encounter, too: an exchange then gives the new track the old name. Names are exchanged from the
+//! encounter on, in all held moments; what has been told already stays.
 //!
 //! The moves over a window are those of S. Oh, S. Russell, S. Sastry, "Markov chain Monte Carlo data association for multi-target
 //! tracking", IEEE TAC 54(3), 2009; there, too, the assignment of a whole window is one problem.
@@ -36,6 +36,7 @@ use self::window::Window;
 use super::Mcmc;
 use super::options::McmcOptions;
 use super::person::Key;
+use super::population::Population;
 use super::smoother::LaggedMoment;
 use super::track::Track;
 use super::traits::LearntTraits;
@@ -88,6 +89,8 @@ pub(super) struct Encounters {
     settled_s: f64,
     searched_s: f64,
     weighed_s: f64,
+    /// Sizes of the people who are tracked.
+    all: Population,
     rng: Pcg64Mcg,
 }
 
@@ -100,7 +103,7 @@ struct Renamed {
 }
 
 impl Encounters {
-    pub(super) fn new(seed: u64) -> Self {
+    pub(super) fn new(options: &McmcOptions) -> Self {
         Self {
             list: Vec::new(),
             names: BTreeMap::new(),
@@ -108,8 +111,14 @@ impl Encounters {
             settled_s: f64::NEG_INFINITY,
             searched_s: f64::NEG_INFINITY,
             weighed_s: f64::NEG_INFINITY,
-            rng: Pcg64Mcg::seed_from_u64(seed),
+            all: Population::prior(options),
+            rng: Pcg64Mcg::seed_from_u64(options.seed),
         }
+    }
+
+    /// Sizes of the people who are tracked.
+    pub(super) fn all_sizes(&self) -> &Population {
+        &self.all
     }
 
     /// Remembers an exchange of two tracks that others have found and carried out.
@@ -161,10 +170,11 @@ impl Encounters {
 
     /// Finds the most probable exchanges, and gives the held moments their names. `None` where nothing changed.
     fn weigh(&mut self, moments: &mut VecDeque<LaggedMoment>, options: &McmcOptions) -> Option<Renamed> {
+        self.all = Population::of(moments, options);
         if self.list.is_empty() {
             return None;
         }
-        let window = Window::new(moments, self, options);
+        let window = Window::new(moments, self);
         let before: Vec<bool> = self.list.iter().map(|encounter| encounter.is_exchange).collect();
         let exchanges = annealing::most_probable(&window, &self.list, &mut self.rng);
         if exchanges == before {

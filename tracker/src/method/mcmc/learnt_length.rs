@@ -66,7 +66,7 @@ impl LearntLength {
     }
 
     /// Average length, with its standard deviation; `None` before the first measurement.
-    fn average(&self, length: Length) -> Option<Spread> {
+    pub(super) fn average(&self, length: Length) -> Option<Spread> {
         let sigma_m = || (1.0 / self.weight + length.lasting_sigma_m().powi(2)).sqrt();
         (self.weight > 0.0).then(|| Spread { mean_m: self.sum / self.weight, sigma_m: sigma_m() })
     }

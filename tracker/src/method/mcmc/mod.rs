@@ -38,6 +38,7 @@ mod options;
 mod outage;
 mod passage;
 mod person;
+mod population;
 mod posture;
 mod reassociation;
 mod report;
@@ -138,7 +139,7 @@ impl Mcmc {
             simulation: Simulation::new(&layers),
             boxes: Boxes::new(&stage),
             layers,
-            encounters: Encounters::new(options.seed),
+            encounters: Encounters::new(&options),
             rng: Pcg64Mcg::seed_from_u64(options.seed),
             stage,
             rule: options.likelihood.prepared(),

@@ -20,8 +20,9 @@ use std::collections::VecDeque;
 
 use super::LEAST_STEP_S;
 use super::motion::Motion;
-use super::options::McmcOptions;
+use super::options::{McmcOptions, MotionOptions};
 use super::person::Key;
+use super::population::Population;
 use super::smoother::{LaggedMoment, WINDOW_S};
 use super::trace::Trace;
 use super::traits::{LearntTraits, exchange_nats};
@@ -48,7 +49,7 @@ pub(super) struct Exchange {
 /// Successive moments in which both tracks of a pair are present, with their times in seconds.
 struct Pair<'a> {
     moments: Vec<(f64, [&'a Trace; 2])>,
-    options: &'a McmcOptions,
+    options: &'a MotionOptions,
 }
 
 impl<'a> Pair<'a> {
@@ -57,7 +58,7 @@ impl<'a> Pair<'a> {
         moments: &'a VecDeque<LaggedMoment>,
         keys: [Key; 2],
         first_s: f64,
-        options: &'a McmcOptions,
+        options: &'a MotionOptions,
     ) -> Self {
         let recent = moments.iter().rev().take_while(|moment| moment.time_s >= first_s);
         let both = recent.map_while(|moment| {
@@ -74,7 +75,7 @@ impl<'a> Pair<'a> {
         moments: &'a VecDeque<LaggedMoment>,
         first: usize,
         keys: [Key; 2],
-        options: &'a McmcOptions,
+        options: &'a MotionOptions,
     ) -> Self {
         let from_s = moments.get(first).map_or(0.0, |moment| moment.time_s);
         let near =
@@ -97,7 +98,7 @@ impl<'a> Pair<'a> {
             time_s = *later_s;
             for (motion, tail) in motions.iter_mut().zip([b, a]) {
                 let (in_sight, seen) = (motion.measured.is_some(), tail.motion.measured.as_ref());
-                *motion = motion.continued(dt_s, in_sight, seen, &self.options.motion);
+                *motion = motion.continued(dt_s, in_sight, seen, self.options);
                 sum += motion.log_evidence;
             }
             each(&motions);
@@ -105,8 +106,8 @@ impl<'a> Pair<'a> {
         sum
     }
 
-    /// Log probability ratio of an exchange after the moment `from`, nats.
-    fn gain(&self, from: usize) -> f64 {
+    /// Log probability ratio of an exchange after the moment `from`, nats; `all`: sizes of the people who are tracked.
+    fn gain(&self, from: usize, all: &Population) -> f64 {
         let mut own = 0.0;
         let mut since = <[LearntTraits; 2]>::default();
         for (_, pair) in &self.moments[from + 1..] {
@@ -116,12 +117,12 @@ impl<'a> Pair<'a> {
             }
         }
         let before = self.moments[from].1.map(|head| &head.learnt);
-        let by_traits = exchange_nats(before, since.each_ref(), self.options);
+        let by_traits = exchange_nats(before, since.each_ref(), all);
         PLACES_WEIGHT * (self.exchanged(from, |_| ()) - own) + by_traits
     }
 
     /// Best moment for an exchange, with its gain.
-    fn best(&self) -> Option<(usize, f64)> {
+    fn best(&self, all: &Population) -> Option<(usize, f64)> {
         let now = self.moments.last()?.1;
         // Names that were exchanged since then were exchanged for what was seen since then.
         let has_its_name =
@@ -134,7 +135,7 @@ impl<'a> Pair<'a> {
         };
         let close: Vec<usize> = (0..self.moments.len().saturating_sub(1)).filter(is_close).collect();
         let every = close.len().div_ceil(MOST_PLACES).max(1);
-        let gains = close.into_iter().rev().step_by(every).map(|from| (from, self.gain(from)));
+        let gains = close.into_iter().rev().step_by(every).map(|from| (from, self.gain(from, all)));
         gains.max_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
@@ -147,7 +148,7 @@ pub(super) fn place_nats(
     keys: [Key; 2],
     options: &McmcOptions,
 ) -> Option<f64> {
-    let pair = Pair::following(moments, from, keys, options);
+    let pair = Pair::following(moments, from, keys, &options.motion);
     let [a, b] = pair.moments.first()?.1;
     if (a.motion.place() - b.motion.place()).norm() >= MET_M {
         return None;
@@ -156,8 +157,13 @@ pub(super) fn place_nats(
     Some(PLACES_WEIGHT * (pair.exchanged(0, |_| ()) - own))
 }
 
-/// Exchanges back the tracks of the people who exchanged them; the last moment is the present one.
-pub(super) fn reassociate(moments: &mut VecDeque<LaggedMoment>, options: &McmcOptions) -> Vec<Exchange> {
+/// Exchanges back the tracks of the people who exchanged them; the last moment is the present one. `all`: sizes of the people
+/// who are tracked.
+pub(super) fn reassociate(
+    moments: &mut VecDeque<LaggedMoment>,
+    options: &McmcOptions,
+    all: &Population,
+) -> Vec<Exchange> {
     let mut exchanges: Vec<Exchange> = Vec::new();
     let Some(now) = moments.back() else { return exchanges };
     let first_s = now.time_s - WINDOW_S;
@@ -165,8 +171,8 @@ pub(super) fn reassociate(moments: &mut VecDeque<LaggedMoment>, options: &McmcOp
     let mut candidates: Vec<(f64, [Key; 2], usize)> = Vec::new();
     for (i, a) in keys.iter().enumerate() {
         for b in &keys[..i] {
-            let pair = Pair::latest(moments, [*b, *a], first_s, options);
-            if let Some((from, gain)) = pair.best().filter(|(_, gain)| *gain > CLEARLY_NATS) {
+            let pair = Pair::latest(moments, [*b, *a], first_s, &options.motion);
+            if let Some((from, gain)) = pair.best(all).filter(|(_, gain)| *gain > CLEARLY_NATS) {
                 candidates.push((gain, [*b, *a], pair.moments.len() - from));
             }
         }
@@ -188,7 +194,7 @@ fn exchange(
     options: &McmcOptions,
 ) -> Option<Exchange> {
     let mut motions: Vec<[Motion; 2]> = Vec::new();
-    let pair = Pair::latest(moments, keys, f64::NEG_INFINITY, options);
+    let pair = Pair::latest(moments, keys, f64::NEG_INFINITY, &options.motion);
     let from = pair.moments.len().checked_sub(back)?;
     pair.exchanged(from, |both| motions.push(both.clone()));
     let mut learnt = pair.moments[from].1.map(|head| head.learnt.clone());
@@ -307,10 +313,13 @@ mod tests {
         let options = McmcOptions::of_boxes();
         let mut smoother = exchanged_tracks(false, [1.7; 2], ALIKE);
         assert!(largest_error_m(&mut smoother.clone(), false) > 1.0);
-        let exchanges = reassociate(&mut smoother.moments, &options);
+        let exchanges = reassociate(&mut smoother.moments, &options, &Population::prior(&options));
         assert_eq!(exchanges.len(), 1);
         assert!(largest_error_m(&mut smoother, false) < 0.2);
-        assert!(reassociate(&mut smoother.moments, &options).is_empty(), "only one of both can be right");
+        assert!(
+            reassociate(&mut smoother.moments, &options, &Population::prior(&options)).is_empty(),
+            "only one of both can be right"
+        );
     }
 
     #[test]
@@ -318,9 +327,9 @@ mod tests {
         let options = McmcOptions::of_boxes();
         // By the places alone they passed each other, which is how the exchanged tracks continue.
         let mut alike = exchanged_tracks(true, [1.7; 2], ALIKE);
-        assert!(reassociate(&mut alike.moments, &options).is_empty());
+        assert!(reassociate(&mut alike.moments, &options, &Population::prior(&options)).is_empty());
         let mut different = exchanged_tracks(true, [1.85, 1.6], ALIKE);
-        assert_eq!(reassociate(&mut different.moments, &options).len(), 1);
+        assert_eq!(reassociate(&mut different.moments, &options, &Population::prior(&options)).len(), 1);
         assert!(largest_error_m(&mut different, true) < 0.4);
     }
 
@@ -328,7 +337,7 @@ mod tests {
     fn people_of_different_appearance_who_turn_back_are_told_apart_by_their_vectors() {
         let options = McmcOptions::of_boxes();
         let mut different = exchanged_tracks(true, [1.7; 2], DIFFERENT);
-        assert_eq!(reassociate(&mut different.moments, &options).len(), 1);
+        assert_eq!(reassociate(&mut different.moments, &options, &Population::prior(&options)).len(), 1);
         assert!(largest_error_m(&mut different, true) < 0.4);
     }
 
@@ -347,6 +356,6 @@ mod tests {
         let last = smoother.moments.back_mut().unwrap();
         let [a, b] = &mut last.people[..] else { panic!("two people") };
         std::mem::swap(&mut a.id, &mut b.id);
-        assert!(reassociate(&mut smoother.moments, &options).is_empty());
+        assert!(reassociate(&mut smoother.moments, &options, &Population::prior(&options)).is_empty());
     }
 }

@@ -1,7 +1,8 @@
 //! Traits by which people are told apart in a detector's boxes: height, width, and the appearance vectors of the rows.
 
 use super::learnt_length::{LearntLength, Length};
-use super::options::{McmcOptions, Spread};
+use super::options::Spread;
+use super::population::Population;
 use crate::identity::mean_vector::{MeanVector, log_distance_ratio};
 
 /// Number of boxes to which a mean vector is faded before new ones are added.
@@ -54,26 +55,30 @@ impl LearntSize {
         }
     }
 
+    /// Average of a length, with its standard deviation; `None` before the first measurement.
+    pub(super) fn average(&self, length: Length) -> Option<Spread> {
+        match length {
+            Length::Height => self.height.average(length),
+            Length::Radius => self.radius.average(length),
+        }
+    }
+
     /// Log density of all lengths shown, of one person of unknown size, nats, up to a constant of the single lengths.
-    pub(super) fn log_marginal(&self, options: &McmcOptions) -> f64 {
-        self.height.log_marginal(&options.height) + self.radius.log_marginal(&options.radius)
+    pub(super) fn log_marginal(&self, all: &Population) -> f64 {
+        self.height.log_marginal(&all.height) + self.radius.log_marginal(&all.radius)
     }
 
     /// Log density that this is the size of the person of whom `before` was learnt, among all people.
-    pub(super) fn log_density(&self, before: &Self, options: &McmcOptions) -> f64 {
-        self.height.log_density(Length::Height, &before.height, &options.height)
-            + self.radius.log_density(Length::Radius, &before.radius, &options.radius)
+    pub(super) fn log_density(&self, before: &Self, all: &Population) -> f64 {
+        self.height.log_density(Length::Height, &before.height, &all.height)
+            + self.radius.log_density(Length::Radius, &before.radius, &all.radius)
     }
 }
 
 /// Log probability ratio, nats, that two people exchanged their tracks after they had shown `before`, given the sizes
 /// `since` then.
-pub(super) fn size_exchange_nats(
-    before: [&LearntSize; 2],
-    since: [&LearntSize; 2],
-    options: &McmcOptions,
-) -> f64 {
-    let nats = |tail: usize, head: usize| since[tail].log_density(before[head], options);
+pub(super) fn size_exchange_nats(before: [&LearntSize; 2], since: [&LearntSize; 2], all: &Population) -> f64 {
+    let nats = |tail: usize, head: usize| since[tail].log_density(before[head], all);
     nats(0, 1) + nats(1, 0) - nats(0, 0) - nats(1, 1)
 }
 
@@ -104,13 +109,9 @@ pub(super) fn vectors_weight(boxes: f64) -> f64 {
 
 /// Log probability ratio, nats, that two people exchanged their tracks after they had shown `before`, given that the
 /// tracks showed `since` afterwards.
-pub(super) fn exchange_nats(
-    before: [&LearntTraits; 2],
-    since: [&LearntTraits; 2],
-    options: &McmcOptions,
-) -> f64 {
+pub(super) fn exchange_nats(before: [&LearntTraits; 2], since: [&LearntTraits; 2], all: &Population) -> f64 {
     let by_sizes =
-        size_exchange_nats(before.map(|traits| &traits.size), since.map(|traits| &traits.size), options);
+        size_exchange_nats(before.map(|traits| &traits.size), since.map(|traits| &traits.size), all);
     let [before, since] = [before, since].map(|pair| pair.map(|traits| &traits.vector));
     let fewest = before.iter().chain(&since).map(|vector| vector.boxes()).fold(f64::INFINITY, f64::min);
     let weight = vectors_weight(fewest);

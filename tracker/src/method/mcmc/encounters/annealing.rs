@@ -31,7 +31,7 @@ const ATTEMPTS: usize = 20;
 const HOPELESS_NATS: f64 = 25.0;
 
 /// Most probable exchanges that were found, from the present ones, among one or more encounters.
-pub(super) fn most_probable(window: &Window<'_>, encounters: &[Encounter], rng: &mut Pcg64Mcg) -> Vec<bool> {
+pub(super) fn most_probable(window: &Window, encounters: &[Encounter], rng: &mut Pcg64Mcg) -> Vec<bool> {
     let mut now: Vec<bool> = encounters.iter().map(|encounter| encounter.is_exchange).collect();
     let by_tracks = ByTracks::new(window, encounters.len());
     let mut sums = Sums::default();
@@ -83,7 +83,7 @@ struct ByTracks {
 }
 
 impl ByTracks {
-    fn new(window: &Window<'_>, count: usize) -> Self {
+    fn new(window: &Window, count: usize) -> Self {
         let mut numbers: BTreeMap<[usize; 2], usize> = BTreeMap::new();
         let (mut groups, mut group): (Vec<Vec<usize>>, Vec<usize>) = (Vec::new(), Vec::new());
         for i in 0..count {
@@ -105,7 +105,7 @@ impl ByTracks {
 }
 
 /// Draws the encounters whose decision a step changes.
-fn propose(window: &Window<'_>, by_tracks: &ByTracks, rng: &mut Pcg64Mcg, changed: &mut Vec<usize>) {
+fn propose(window: &Window, by_tracks: &ByTracks, rng: &mut Pcg64Mcg, changed: &mut Vec<usize>) {
     let count = by_tracks.group.len();
     let first = rng.random_range(0..count);
     changed.clear();

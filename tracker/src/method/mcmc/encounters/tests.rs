@@ -41,7 +41,7 @@ impl Held {
         Self {
             smoother: FixedLagSmoother::default(),
             motions: BTreeMap::new(),
-            encounters: Encounters::new(1),
+            encounters: Encounters::new(&McmcOptions { seed: 1, ..McmcOptions::of_boxes() }),
             names: BTreeMap::new(),
             moments: 0,
             returns_nats,
@@ -244,7 +244,6 @@ fn nobody_ever_has_the_name_of_another() {
 /// All sets of exchanges, one after the other.
 #[test]
 fn annealing_mostly_finds_the_most_probable_of_all_sets_of_exchanges() {
-    let options = McmcOptions::of_boxes();
     let (mut best_found, mut changed) = (0, 0);
     for seed in 0..12 {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
@@ -268,7 +267,7 @@ fn annealing_mostly_finds_the_most_probable_of_all_sets_of_exchanges() {
         }
         held.encounters.settled_s = f64::NEG_INFINITY;
         held.encounters.settled.clear();
-        let window = Window::new(&held.smoother.moments, &held.encounters, &options);
+        let window = Window::new(&held.smoother.moments, &held.encounters);
         let list = &held.encounters.list;
         let mut sums = Sums::default();
         let mut nats = |exchanges: &[bool]| {

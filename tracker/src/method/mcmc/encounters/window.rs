@@ -2,15 +2,15 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use super::super::options::McmcOptions;
 use super::super::person::Key;
+use super::super::population::Population;
 use super::super::smoother::LaggedMoment;
 use super::super::traits::{LearntSize, LearntTraits};
 use super::Encounters;
 use super::appearance::Appearance;
 
 /// Table of the undecided moments. Tracks, and the names that they had before, are counted alike.
-pub(super) struct Window<'a> {
+pub(super) struct Window {
     /// Sizes that each name showed before the window, as certain as those in it can be compared with them.
     known: Vec<LearntSize>,
     /// Sizes that each track showed in the first moments of the window: `moments + 1` sums a track.
@@ -20,7 +20,7 @@ pub(super) struct Window<'a> {
     moments: usize,
     /// Encounters: their tracks, and the first moment after them.
     encounters: Vec<([usize; 2], usize)>,
-    options: &'a McmcOptions,
+    all: Population,
 }
 
 /// Sums of one evaluation, kept between evaluations.
@@ -34,13 +34,9 @@ pub(super) struct Sums {
     vectors: Vec<f64>,
 }
 
-impl<'a> Window<'a> {
+impl Window {
     /// Table of the moments after the settled ones.
-    pub(super) fn new(
-        moments: &VecDeque<LaggedMoment>,
-        encounters: &Encounters,
-        options: &'a McmcOptions,
-    ) -> Self {
+    pub(super) fn new(moments: &VecDeque<LaggedMoment>, encounters: &Encounters) -> Self {
         let keys: BTreeMap<Key, usize> = encounters.names.keys().copied().zip(0..).collect();
         let settled: Vec<_> = encounters.names.values().map(|name| encounters.settled.get(name)).collect();
         let known = |traits: Option<&LearntTraits>| {
@@ -65,7 +61,7 @@ impl<'a> Window<'a> {
         // Encounters are of tracks with names.
         let track = |key: Key| keys.get(&key).copied().unwrap_or_default();
         let of = encounters.list.iter().map(|met| (met.keys.map(track), step(met.time_s)));
-        Self { known, shown, appearance, moments: count, encounters: of.collect(), options }
+        Self { known, shown, appearance, moments: count, encounters: of.collect(), all: encounters.all }
     }
 
     /// Tracks of an encounter.
@@ -76,7 +72,7 @@ impl<'a> Window<'a> {
     /// Log density of all traits, where these encounters were exchanges, nats.
     pub(super) fn log_density(&self, exchanges: &[bool], sums: &mut Sums) -> f64 {
         self.add_up(exchanges, sums);
-        let by_sizes: f64 = sums.sizes.iter().map(|size| size.log_marginal(self.options)).sum();
+        let by_sizes: f64 = sums.sizes.iter().map(|size| size.log_marginal(&self.all)).sum();
         by_sizes + self.appearance.as_ref().map_or(0.0, |shown| shown.log_density(&sums.vectors))
     }
 
