@@ -189,7 +189,7 @@ impl Mcmc {
     /// Exchanges back the tracks of people who met, where the moments since then tell.
     pub(super) fn reassociate(&mut self) {
         let Self { smoother, options, encounters, .. } = self;
-        for exchange in reassociate(&mut smoother.moments, options, encounters.all_sizes()) {
+        for exchange in reassociate(&mut smoother.moments, options, encounters.population()) {
             let of = |key: Key| self.tracks.iter().position(|track| track.key == key);
             let [Some(a), Some(b)] = exchange.keys.map(of) else { continue };
             let (left, right) = self.tracks.split_at_mut(a.max(b));

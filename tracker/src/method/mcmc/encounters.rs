@@ -3,7 +3,7 @@
 //! [`super::reassociation`] looks at pairs of tracks in the seconds after two people met. In a crowd this leaves much open: people
 //! walk on like one another, and a track that takes another's person usually drives that one's track to a third, so that names go
 //! round in circles of which no single exchange looks right. But the average height and width of a name go on becoming more exact,
-//! to about a centimetre within twenty boxes, and people differ by several. For [`UNDECIDED_S`] seconds, each encounter of two
+//! to about a centimetre within twenty boxes, and most people differ by several. For [`UNDECIDED_S`] seconds, each encounter of two
 //! tracks is therefore remembered with what the places said about it ([`search`]), and every half second it is asked which of
 //! them were exchanges:
 //!
@@ -52,7 +52,7 @@ const WEIGHED_EVERY_S: f64 = 0.5;
 /// [`McmcOptions::of_boxes`].
 const UNDECIDED_S: f64 = 10.0 - WEIGHED_EVERY_S;
 /// Log odds against an exchange beside what its places say, nats. Chosen on generated crowds of 15 people, where 0.5 and 1 are
-/// alike and 2 leaves out two fifths of what is won.
+/// alike and 2 leaves out two fifths of what is won, with the prior's spread of sizes.
 const EXCHANGE_NATS: f64 = 1.0;
 /// Log odds of an exchange that was seen by looks, nats.
 const SEEN_NATS: f64 = 20.0;
@@ -89,8 +89,8 @@ pub(super) struct Encounters {
     settled_s: f64,
     searched_s: f64,
     weighed_s: f64,
-    /// Sizes of the people who are tracked.
-    all: Population,
+    /// Sizes of the people of the last [`REMEMBERED_S`] seconds; the prior's before the first weighing.
+    population: Population,
     rng: Pcg64Mcg,
 }
 
@@ -111,14 +111,14 @@ impl Encounters {
             settled_s: f64::NEG_INFINITY,
             searched_s: f64::NEG_INFINITY,
             weighed_s: f64::NEG_INFINITY,
-            all: Population::prior(options),
+            population: Population::prior(options),
             rng: Pcg64Mcg::seed_from_u64(options.seed),
         }
     }
 
-    /// Sizes of the people who are tracked.
-    pub(super) fn all_sizes(&self) -> &Population {
-        &self.all
+    /// Sizes of the people of the last [`REMEMBERED_S`] seconds.
+    pub(super) fn population(&self) -> &Population {
+        &self.population
     }
 
     /// Remembers an exchange of two tracks that others have found and carried out.
@@ -169,8 +169,7 @@ impl Encounters {
     }
 
     /// Finds the most probable exchanges, and gives the held moments their names. `None` where nothing changed.
-    fn weigh(&mut self, moments: &mut VecDeque<LaggedMoment>, options: &McmcOptions) -> Option<Renamed> {
-        self.all = Population::of(moments, options);
+    fn weigh(&mut self, moments: &mut VecDeque<LaggedMoment>) -> Option<Renamed> {
         if self.list.is_empty() {
             return None;
         }
@@ -224,7 +223,8 @@ impl Mcmc {
         encounters.weighed_s = now_s;
         encounters.settle(&mut smoother.moments, now_s - UNDECIDED_S);
         encounters.search(&smoother.moments, options, &|lost, found| returns_nats(stage, lost, found));
-        if let Some(renamed) = encounters.weigh(&mut smoother.moments, options) {
+        encounters.population = Population::of(&smoother.moments, options);
+        if let Some(renamed) = encounters.weigh(&mut smoother.moments) {
             self.rename_tracks(&renamed);
         }
     }

@@ -79,7 +79,7 @@ impl LearntLength {
         0.5 * (beyond.powi(2) / weight - (weight / prior_weight).ln())
     }
 
-    /// Log density that these are lengths of the person of whom `before` was learnt; `prior` is that of all people.
+    /// Log density that these are lengths of the person of whom `before` was learnt; `prior`: lengths of the people who are tracked.
     pub(super) fn log_density(&self, length: Length, before: &Self, prior: &Spread) -> f64 {
         let Some(seen) = self.average(length) else { return 0.0 };
         let expected = before.average(length).map_or(*prior, |learnt| {

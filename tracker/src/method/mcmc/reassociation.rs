@@ -10,7 +10,8 @@
 //!                                 + log p(traits since s | traits until s)
 //! ```
 //!
-//! with the traits of [`exchange_nats`]: height, width, and the appearance vectors of a detector that gives them.
+//! with the traits of [`exchange_nats`]: height and width, among those of the [`Population`], and the appearance vectors of a
+//! detector that gives them.
 //!
 //! It is the switch move of S. Oh, S. Russell, S. Sastry, "Markov chain Monte Carlo data association for multi-target
 //! tracking", IEEE TAC 54(3), 2009, over a sliding window, accepted where it is clearly more probable. The filters of an
@@ -106,8 +107,8 @@ impl<'a> Pair<'a> {
         sum
     }
 
-    /// Log probability ratio of an exchange after the moment `from`, nats; `all`: sizes of the people who are tracked.
-    fn gain(&self, from: usize, all: &Population) -> f64 {
+    /// Log probability ratio of an exchange after the moment `from`, nats.
+    fn gain(&self, from: usize, population: &Population) -> f64 {
         let mut own = 0.0;
         let mut since = <[LearntTraits; 2]>::default();
         for (_, pair) in &self.moments[from + 1..] {
@@ -117,12 +118,12 @@ impl<'a> Pair<'a> {
             }
         }
         let before = self.moments[from].1.map(|head| &head.learnt);
-        let by_traits = exchange_nats(before, since.each_ref(), all);
+        let by_traits = exchange_nats(before, since.each_ref(), population);
         PLACES_WEIGHT * (self.exchanged(from, |_| ()) - own) + by_traits
     }
 
     /// Best moment for an exchange, with its gain.
-    fn best(&self, all: &Population) -> Option<(usize, f64)> {
+    fn best(&self, population: &Population) -> Option<(usize, f64)> {
         let now = self.moments.last()?.1;
         // Names that were exchanged since then were exchanged for what was seen since then.
         let has_its_name =
@@ -135,7 +136,7 @@ impl<'a> Pair<'a> {
         };
         let close: Vec<usize> = (0..self.moments.len().saturating_sub(1)).filter(is_close).collect();
         let every = close.len().div_ceil(MOST_PLACES).max(1);
-        let gains = close.into_iter().rev().step_by(every).map(|from| (from, self.gain(from, all)));
+        let gains = close.into_iter().rev().step_by(every).map(|from| (from, self.gain(from, population)));
         gains.max_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
@@ -157,12 +158,11 @@ pub(super) fn place_nats(
     Some(PLACES_WEIGHT * (pair.exchanged(0, |_| ()) - own))
 }
 
-/// Exchanges back the tracks of the people who exchanged them; the last moment is the present one. `all`: sizes of the people
-/// who are tracked.
+/// Exchanges back the tracks of the people who exchanged them; the last moment is the present one.
 pub(super) fn reassociate(
     moments: &mut VecDeque<LaggedMoment>,
     options: &McmcOptions,
-    all: &Population,
+    population: &Population,
 ) -> Vec<Exchange> {
     let mut exchanges: Vec<Exchange> = Vec::new();
     let Some(now) = moments.back() else { return exchanges };
@@ -172,7 +172,7 @@ pub(super) fn reassociate(
     for (i, a) in keys.iter().enumerate() {
         for b in &keys[..i] {
             let pair = Pair::latest(moments, [*b, *a], first_s, &options.motion);
-            if let Some((from, gain)) = pair.best(all).filter(|(_, gain)| *gain > CLEARLY_NATS) {
+            if let Some((from, gain)) = pair.best(population).filter(|(_, gain)| *gain > CLEARLY_NATS) {
                 candidates.push((gain, [*b, *a], pair.moments.len() - from));
             }
         }

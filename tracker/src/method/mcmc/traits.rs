@@ -64,21 +64,25 @@ impl LearntSize {
     }
 
     /// Log density of all lengths shown, of one person of unknown size, nats, up to a constant of the single lengths.
-    pub(super) fn log_marginal(&self, all: &Population) -> f64 {
-        self.height.log_marginal(&all.height) + self.radius.log_marginal(&all.radius)
+    pub(super) fn log_marginal(&self, population: &Population) -> f64 {
+        self.height.log_marginal(&population.height) + self.radius.log_marginal(&population.radius)
     }
 
-    /// Log density that this is the size of the person of whom `before` was learnt, among all people.
-    pub(super) fn log_density(&self, before: &Self, all: &Population) -> f64 {
-        self.height.log_density(Length::Height, &before.height, &all.height)
-            + self.radius.log_density(Length::Radius, &before.radius, &all.radius)
+    /// Log density that this is the size of the person of whom `before` was learnt, among those of this population.
+    pub(super) fn log_density(&self, before: &Self, population: &Population) -> f64 {
+        self.height.log_density(Length::Height, &before.height, &population.height)
+            + self.radius.log_density(Length::Radius, &before.radius, &population.radius)
     }
 }
 
 /// Log probability ratio, nats, that two people exchanged their tracks after they had shown `before`, given the sizes
 /// `since` then.
-pub(super) fn size_exchange_nats(before: [&LearntSize; 2], since: [&LearntSize; 2], all: &Population) -> f64 {
-    let nats = |tail: usize, head: usize| since[tail].log_density(before[head], all);
+pub(super) fn size_exchange_nats(
+    before: [&LearntSize; 2],
+    since: [&LearntSize; 2],
+    population: &Population,
+) -> f64 {
+    let nats = |tail: usize, head: usize| since[tail].log_density(before[head], population);
     nats(0, 1) + nats(1, 0) - nats(0, 0) - nats(1, 1)
 }
 
@@ -109,9 +113,13 @@ pub(super) fn vectors_weight(boxes: f64) -> f64 {
 
 /// Log probability ratio, nats, that two people exchanged their tracks after they had shown `before`, given that the
 /// tracks showed `since` afterwards.
-pub(super) fn exchange_nats(before: [&LearntTraits; 2], since: [&LearntTraits; 2], all: &Population) -> f64 {
+pub(super) fn exchange_nats(
+    before: [&LearntTraits; 2],
+    since: [&LearntTraits; 2],
+    population: &Population,
+) -> f64 {
     let by_sizes =
-        size_exchange_nats(before.map(|traits| &traits.size), since.map(|traits| &traits.size), all);
+        size_exchange_nats(before.map(|traits| &traits.size), since.map(|traits| &traits.size), population);
     let [before, since] = [before, since].map(|pair| pair.map(|traits| &traits.vector));
     let fewest = before.iter().chain(&since).map(|vector| vector.boxes()).fold(f64::INFINITY, f64::min);
     let weight = vectors_weight(fewest);

@@ -20,7 +20,8 @@ pub(super) struct Window {
     moments: usize,
     /// Encounters: their tracks, and the first moment after them.
     encounters: Vec<([usize; 2], usize)>,
-    all: Population,
+    /// Sizes of people.
+    population: Population,
 }
 
 /// Sums of one evaluation, kept between evaluations.
@@ -61,7 +62,14 @@ impl Window {
         // Encounters are of tracks with names.
         let track = |key: Key| keys.get(&key).copied().unwrap_or_default();
         let of = encounters.list.iter().map(|met| (met.keys.map(track), step(met.time_s)));
-        Self { known, shown, appearance, moments: count, encounters: of.collect(), all: encounters.all }
+        Self {
+            known,
+            shown,
+            appearance,
+            moments: count,
+            encounters: of.collect(),
+            population: encounters.population,
+        }
     }
 
     /// Tracks of an encounter.
@@ -72,7 +80,7 @@ impl Window {
     /// Log density of all traits, where these encounters were exchanges, nats.
     pub(super) fn log_density(&self, exchanges: &[bool], sums: &mut Sums) -> f64 {
         self.add_up(exchanges, sums);
-        let by_sizes: f64 = sums.sizes.iter().map(|size| size.log_marginal(&self.all)).sum();
+        let by_sizes: f64 = sums.sizes.iter().map(|size| size.log_marginal(&self.population)).sum();
         by_sizes + self.appearance.as_ref().map_or(0.0, |shown| shown.log_density(&sums.vectors))
     }
 
