@@ -36,7 +36,8 @@ use self::window::Window;
 use super::Mcmc;
 use super::options::McmcOptions;
 use super::person::Key;
-use super::population::Population;
+use super::population;
+use super::posture::Size;
 use super::smoother::LaggedMoment;
 use super::track::Track;
 use super::traits::LearntTraits;
@@ -90,7 +91,7 @@ pub(super) struct Encounters {
     searched_s: f64,
     weighed_s: f64,
     /// Sizes of the people of the last [`REMEMBERED_S`] seconds; the prior's before the first weighing.
-    population: Population,
+    population: Size,
     rng: Pcg64Mcg,
 }
 
@@ -111,13 +112,13 @@ impl Encounters {
             settled_s: f64::NEG_INFINITY,
             searched_s: f64::NEG_INFINITY,
             weighed_s: f64::NEG_INFINITY,
-            population: Population::prior(options),
+            population: Size::prior(options),
             rng: Pcg64Mcg::seed_from_u64(options.seed),
         }
     }
 
     /// Sizes of the people of the last [`REMEMBERED_S`] seconds.
-    pub(super) fn population(&self) -> &Population {
+    pub(super) fn population(&self) -> &Size {
         &self.population
     }
 
@@ -223,7 +224,7 @@ impl Mcmc {
         encounters.weighed_s = now_s;
         encounters.settle(&mut smoother.moments, now_s - UNDECIDED_S);
         encounters.search(&smoother.moments, options, &|lost, found| returns_nats(stage, lost, found));
-        encounters.population = Population::of(&smoother.moments, options);
+        encounters.population = population::estimated(&smoother.moments, &Size::prior(options));
         if let Some(renamed) = encounters.weigh(&mut smoother.moments) {
             self.rename_tracks(&renamed);
         }

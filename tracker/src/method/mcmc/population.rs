@@ -3,8 +3,8 @@
 //! People differ by several centimetres, but the boxes may not show it: some detectors, and the boxes of some recordings, make
 //! everybody equally tall. Averages of two people then differ by noise alone, which the prior's spread would turn into evidence of
 //! who is who; and a person of the same size as somebody lost would be that one, though everybody is of that size. Mean and variance
-//! are therefore estimated from the tracks of the last seconds, with the prior as one person more, by one step of maximum likelihood
-//! (Fisher scoring: D. Harville, "Maximum likelihood approaches to variance component estimation", JASA 72, 1977) from the prior:
+//! are therefore estimated from the tracks of the last seconds, with the prior as one person more: one step of Fisher scoring from
+//! the prior to the maximum likelihood (D. Harville, "Maximum likelihood approaches to variance component estimation", JASA 72, 1977),
 //!
 //! ```text
 //! mean = ( m + Σ g a ) / ( 1 + Σ g )        variance = ( σ² + Σ g² ((a − mean)² − v) ) / ( 1 + Σ g² )        g = σ² / (σ² + v)
@@ -16,8 +16,9 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use super::learnt_length::Length;
-use super::options::{McmcOptions, Spread};
+use super::options::Spread;
 use super::person::Key;
+use super::posture::Size;
 use super::smoother::LaggedMoment;
 use super::traits::LearntSize;
 
@@ -26,33 +27,17 @@ const PRIOR_PEOPLE: f64 = 1.0;
 /// Least standard deviation between people, metres.
 const LEAST_SIGMA_M: f64 = 0.002;
 
-/// Distribution of sizes between people, as boxes show them.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Population {
-    /// Heights.
-    pub(super) height: Spread,
-    /// Half of the widths.
-    pub(super) radius: Spread,
-}
-
-impl Population {
-    /// Sizes of all people.
-    pub(super) fn prior(options: &McmcOptions) -> Self {
-        Self { height: options.height, radius: options.radius }
+/// Sizes of the people whose tracks are in these moments. Tracks stand for people, not names: names were decided by these very
+/// sizes, and their spread would confirm itself. Tracks that exchanged their people make the spread smaller.
+pub(super) fn estimated(moments: &VecDeque<LaggedMoment>, prior: &Size) -> Size {
+    let mut tracks: BTreeMap<Key, LearntSize> = BTreeMap::new();
+    for trace in moments.iter().flat_map(|moment| &moment.people) {
+        tracks.entry(trace.key).or_default().add(&trace.shown);
     }
-
-    /// Sizes of the people whose tracks are in these moments. Tracks stand for people, not names, which were decided by these very
-    /// sizes: their spread would confirm itself. Tracks that exchanged their people make it smaller.
-    pub(super) fn of(moments: &VecDeque<LaggedMoment>, options: &McmcOptions) -> Self {
-        let mut people: BTreeMap<Key, LearntSize> = BTreeMap::new();
-        for trace in moments.iter().flat_map(|moment| &moment.people) {
-            people.entry(trace.key).or_default().add(&trace.shown);
-        }
-        let of = |length: Length, prior: &Spread| {
-            spread_between(prior, people.values().filter_map(move |size| size.average(length)))
-        };
-        Self { height: of(Length::Height, &options.height), radius: of(Length::Radius, &options.radius) }
-    }
+    let of = |length: Length, prior: &Spread| {
+        spread_between(prior, tracks.values().filter_map(move |size| size.average(length)))
+    };
+    Size { radius: of(Length::Radius, &prior.radius), height: of(Length::Height, &prior.height) }
 }
 
 /// Mean and standard deviation between people with these averages, each with its own standard deviation.

@@ -59,6 +59,11 @@ pub(super) struct Size {
 }
 
 impl Size {
+    /// Size of an adult, before anything is known of this one.
+    pub(super) fn prior(options: &McmcOptions) -> Self {
+        Self { radius: options.radius, height: options.height }
+    }
+
     pub(super) fn log_density(&self, body: &Body) -> f64 {
         self.radius.log_density(body.radius_m) + self.height.log_density(body.height_m)
     }
@@ -149,7 +154,7 @@ impl SizePrior {
 
     /// Prior of people who were never seen before.
     pub(super) fn of_newcomers(options: &McmcOptions) -> Self {
-        let adult = Size { radius: options.radius, height: options.height };
+        let adult = Size::prior(options);
         Self::new([1.0, 0.0, 0.0], [adult; POSTURES])
     }
 
@@ -251,7 +256,7 @@ pub(super) struct Postures {
 impl Postures {
     /// Belief about a newcomer who showed this radius and height, metres, in a moment.
     pub(super) fn of_newcomer([radius_m, height_m]: [f64; 2], options: &McmcOptions) -> Self {
-        let adult = Size { radius: options.radius, height: options.height };
+        let adult = Size::prior(options);
         let size = adult.updated([radius_m, height_m], 1.0);
         let mut postures = Self { probabilities: [1.0, 0.0, 0.0], sizes: [size; POSTURES] };
         postures.derive_unseen();
@@ -270,7 +275,7 @@ impl Postures {
 
     /// Predicts `dt_s` seconds ahead for a person of this speed, m/s.
     pub(super) fn predict(&mut self, dt_s: f64, speed_m_s: f64, options: &McmcOptions) {
-        let most = Size { radius: options.radius, height: options.height };
+        let most = Size::prior(options);
         self.sizes[STANDING] = self.sizes[STANDING].drifted(dt_s, &most);
         if options.sits_down_per_s > 0.0 {
             let still = (-(speed_m_s / WALKING_M_S).powi(2)).exp();

@@ -10,7 +10,7 @@
 //!                                 + log p(traits since s | traits until s)
 //! ```
 //!
-//! with the traits of [`exchange_nats`]: height and width, among those of the [`Population`], and the appearance vectors of a
+//! with the traits of [`exchange_nats`]: height and width, among those of the [population](super::population), and the appearance vectors of a
 //! detector that gives them.
 //!
 //! It is the switch move of S. Oh, S. Russell, S. Sastry, "Markov chain Monte Carlo data association for multi-target
@@ -23,7 +23,7 @@ use super::LEAST_STEP_S;
 use super::motion::Motion;
 use super::options::{McmcOptions, MotionOptions};
 use super::person::Key;
-use super::population::Population;
+use super::posture::Size;
 use super::smoother::{LaggedMoment, WINDOW_S};
 use super::trace::Trace;
 use super::traits::{LearntTraits, exchange_nats};
@@ -108,7 +108,7 @@ impl<'a> Pair<'a> {
     }
 
     /// Log probability ratio of an exchange after the moment `from`, nats.
-    fn gain(&self, from: usize, population: &Population) -> f64 {
+    fn gain(&self, from: usize, population: &Size) -> f64 {
         let mut own = 0.0;
         let mut since = <[LearntTraits; 2]>::default();
         for (_, pair) in &self.moments[from + 1..] {
@@ -123,7 +123,7 @@ impl<'a> Pair<'a> {
     }
 
     /// Best moment for an exchange, with its gain.
-    fn best(&self, population: &Population) -> Option<(usize, f64)> {
+    fn best(&self, population: &Size) -> Option<(usize, f64)> {
         let now = self.moments.last()?.1;
         // Names that were exchanged since then were exchanged for what was seen since then.
         let has_its_name =
@@ -162,7 +162,7 @@ pub(super) fn place_nats(
 pub(super) fn reassociate(
     moments: &mut VecDeque<LaggedMoment>,
     options: &McmcOptions,
-    population: &Population,
+    population: &Size,
 ) -> Vec<Exchange> {
     let mut exchanges: Vec<Exchange> = Vec::new();
     let Some(now) = moments.back() else { return exchanges };
@@ -313,11 +313,11 @@ mod tests {
         let options = McmcOptions::of_boxes();
         let mut smoother = exchanged_tracks(false, [1.7; 2], ALIKE);
         assert!(largest_error_m(&mut smoother.clone(), false) > 1.0);
-        let exchanges = reassociate(&mut smoother.moments, &options, &Population::prior(&options));
+        let exchanges = reassociate(&mut smoother.moments, &options, &Size::prior(&options));
         assert_eq!(exchanges.len(), 1);
         assert!(largest_error_m(&mut smoother, false) < 0.2);
         assert!(
-            reassociate(&mut smoother.moments, &options, &Population::prior(&options)).is_empty(),
+            reassociate(&mut smoother.moments, &options, &Size::prior(&options)).is_empty(),
             "only one of both can be right"
         );
     }
@@ -327,9 +327,9 @@ mod tests {
         let options = McmcOptions::of_boxes();
         // By the places alone they passed each other, which is how the exchanged tracks continue.
         let mut alike = exchanged_tracks(true, [1.7; 2], ALIKE);
-        assert!(reassociate(&mut alike.moments, &options, &Population::prior(&options)).is_empty());
+        assert!(reassociate(&mut alike.moments, &options, &Size::prior(&options)).is_empty());
         let mut different = exchanged_tracks(true, [1.85, 1.6], ALIKE);
-        assert_eq!(reassociate(&mut different.moments, &options, &Population::prior(&options)).len(), 1);
+        assert_eq!(reassociate(&mut different.moments, &options, &Size::prior(&options)).len(), 1);
         assert!(largest_error_m(&mut different, true) < 0.4);
     }
 
@@ -337,7 +337,7 @@ mod tests {
     fn people_of_different_appearance_who_turn_back_are_told_apart_by_their_vectors() {
         let options = McmcOptions::of_boxes();
         let mut different = exchanged_tracks(true, [1.7; 2], DIFFERENT);
-        assert_eq!(reassociate(&mut different.moments, &options, &Population::prior(&options)).len(), 1);
+        assert_eq!(reassociate(&mut different.moments, &options, &Size::prior(&options)).len(), 1);
         assert!(largest_error_m(&mut different, true) < 0.4);
     }
 
@@ -356,6 +356,6 @@ mod tests {
         let last = smoother.moments.back_mut().unwrap();
         let [a, b] = &mut last.people[..] else { panic!("two people") };
         std::mem::swap(&mut a.id, &mut b.id);
-        assert!(reassociate(&mut smoother.moments, &options, &Population::prior(&options)).is_empty());
+        assert!(reassociate(&mut smoother.moments, &options, &Size::prior(&options)).is_empty());
     }
 }

@@ -2,7 +2,7 @@
 
 use super::learnt_length::{LearntLength, Length};
 use super::options::Spread;
-use super::population::Population;
+use super::posture::Size;
 use crate::identity::mean_vector::{MeanVector, log_distance_ratio};
 
 /// Number of boxes to which a mean vector is faded before new ones are added.
@@ -64,12 +64,12 @@ impl LearntSize {
     }
 
     /// Log density of all lengths shown, of one person of unknown size, nats, up to a constant of the single lengths.
-    pub(super) fn log_marginal(&self, population: &Population) -> f64 {
+    pub(super) fn log_marginal(&self, population: &Size) -> f64 {
         self.height.log_marginal(&population.height) + self.radius.log_marginal(&population.radius)
     }
 
     /// Log density that this is the size of the person of whom `before` was learnt, among those of this population.
-    pub(super) fn log_density(&self, before: &Self, population: &Population) -> f64 {
+    pub(super) fn log_density(&self, before: &Self, population: &Size) -> f64 {
         self.height.log_density(Length::Height, &before.height, &population.height)
             + self.radius.log_density(Length::Radius, &before.radius, &population.radius)
     }
@@ -80,7 +80,7 @@ impl LearntSize {
 pub(super) fn size_exchange_nats(
     before: [&LearntSize; 2],
     since: [&LearntSize; 2],
-    population: &Population,
+    population: &Size,
 ) -> f64 {
     let nats = |tail: usize, head: usize| since[tail].log_density(before[head], population);
     nats(0, 1) + nats(1, 0) - nats(0, 0) - nats(1, 1)
@@ -113,11 +113,7 @@ pub(super) fn vectors_weight(boxes: f64) -> f64 {
 
 /// Log probability ratio, nats, that two people exchanged their tracks after they had shown `before`, given that the
 /// tracks showed `since` afterwards.
-pub(super) fn exchange_nats(
-    before: [&LearntTraits; 2],
-    since: [&LearntTraits; 2],
-    population: &Population,
-) -> f64 {
+pub(super) fn exchange_nats(before: [&LearntTraits; 2], since: [&LearntTraits; 2], population: &Size) -> f64 {
     let by_sizes =
         size_exchange_nats(before.map(|traits| &traits.size), since.map(|traits| &traits.size), population);
     let [before, since] = [before, since].map(|pair| pair.map(|traits| &traits.vector));

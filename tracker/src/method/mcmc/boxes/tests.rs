@@ -123,7 +123,7 @@ fn hotspots_and_fits_find_who_is_there() {
     assert!(missing > 1.0 && missing > 100.0 * known, "{known} {missing}");
     let known = Known {
         place: Place::new(Vector2::new(1.8, 1.6), &(Matrix2::identity() * 0.09), 0.35),
-        size: SizePrior::of_one(Size { radius: options.radius, height: options.height }),
+        size: SizePrior::of_one(Size::prior(&options)),
         log_odds: 2.0,
         fit: None,
         vectors: VectorPlaces::default(),

@@ -86,7 +86,7 @@ impl Held {
         encounters.observe_names(moments);
         encounters.settle(moments, now_s - UNDECIDED_S);
         encounters.search(moments, &options, &|_, _| self.returns_nats);
-        encounters.population = Population::of(moments, &options);
+        encounters.population = population::estimated(moments, &Size::prior(&options));
         let renamed = encounters.weigh(moments);
         if let Some(renamed) = &renamed {
             self.names = renamed.names.clone();

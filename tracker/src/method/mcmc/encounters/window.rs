@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use super::super::person::Key;
-use super::super::population::Population;
+use super::super::posture::Size;
 use super::super::smoother::LaggedMoment;
 use super::super::traits::{LearntSize, LearntTraits};
 use super::Encounters;
@@ -21,7 +21,7 @@ pub(super) struct Window {
     /// Encounters: their tracks, and the first moment after them.
     encounters: Vec<([usize; 2], usize)>,
     /// Sizes of people.
-    population: Population,
+    population: Size,
 }
 
 /// Sums of one evaluation, kept between evaluations.
