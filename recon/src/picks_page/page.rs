@@ -4,7 +4,7 @@ use scenes::editor::{CONTROLS_STYLE, SERVER_SCRIPT, SHAPES_SCRIPT};
 use shell::loopback::PageFile;
 
 /// All files of the page.
-pub(super) const FILES: [PageFile; 11] = [
+pub(super) const FILES: [PageFile; 12] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::PALETTE,
     CONTROLS_STYLE,
@@ -14,6 +14,7 @@ pub(super) const FILES: [PageFile; 11] = [
     PageFile::script("/picks.js", include_str!("page/picks.js")),
     PageFile::script("/picture.js", include_str!("page/picture.js")),
     PageFile::script("/magnified.js", include_str!("page/magnified.js")),
+    PageFile::script("/rows.js", include_str!("page/rows.js")),
     PageFile::script("/scale.js", include_str!("page/scale.js")),
     PageFile::script("/build.js", include_str!("page/build.js")),
 ];

@@ -28,16 +28,29 @@ export function magnify(canvas, image, [x, y], reach = REACH_PX) {
 }
 
 // The same point in two or more pictures, side by side.
-export function magnifiedPair(picks, images) {
-  const pair = document.createElement("span");
-  pair.className = "pairs";
-  for (const [camera, pixel] of picks) {
-    const canvas = pair.appendChild(document.createElement("canvas"));
+export class MagnifiedPair {
+  element = Object.assign(document.createElement("span"), { className: "pairs" });
+  #shown = "";
+
+  constructor(images) {
+    this.images = images;
+  }
+
+  // Shows [camera, pixel] each; as they are shown already, nothing is drawn.
+  show(picks) {
+    const shown = JSON.stringify(picks.map(([camera, pixel]) => [camera, pixel, this.images.has(camera)]));
+    if (shown === this.#shown) return;
+    this.#shown = shown;
+    this.element.replaceChildren(...picks.map(([camera, pixel]) => this.#canvas(camera, pixel)));
+  }
+
+  #canvas(camera, pixel) {
+    const canvas = document.createElement("canvas");
     canvas.width = canvas.height = 152;
     canvas.title = `${camera}: ${pixel[0].toFixed(1)}, ${pixel[1].toFixed(1)}`;
-    const image = images.get(camera);
+    const image = this.images.get(camera);
     if (image?.complete && image.naturalWidth > 0) magnify(canvas, image, pixel);
     else image?.addEventListener("load", () => magnify(canvas, image, pixel), { once: true });
+    return canvas;
   }
-  return pair;
 }

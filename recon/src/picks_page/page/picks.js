@@ -1,8 +1,9 @@
 // The page's parts together: points and scale, what the server says of them, saving, the build.
 
 import { BuildPanel } from "/build.js";
-import { magnifiedPair } from "/magnified.js";
+import { MagnifiedPair } from "/magnified.js";
 import { Picture } from "/picture.js";
+import { Rows } from "/rows.js";
 import { ScaleForm } from "/scale.js";
 import { Latest, ask } from "/server.js";
 import { isCoarse } from "/shapes.js";
@@ -40,6 +41,8 @@ const actions = { pick, grab: () => remember(), move, hover, choose: () => {} };
 const panes = [...document.querySelectorAll(".pane")].map((figure, side) => new Picture(figure, { ...actions, choose: (name) => chooseCamera(side, name) }));
 const room = new BuildPanel(fail);
 const scale = new ScaleForm(remember, (isOther) => (isOther ? changed() : draw()));
+const pointRows = new Rows(byId("points"), pointRow);
+const proposalRows = new Rows(byId("proposals"), proposalRow);
 const asked = new Latest("/residuals", (reply, { ids }) => {
   residuals.clear();
   for (const { misfits } of reply.pairs) {
@@ -171,8 +174,7 @@ function showCamera(side, name) {
 
 // What is shown.
 
-function stateOf(id, camera) {
-  const residual = residuals.get(`${id} ${camera}`);
+function stateOf(residual) {
   if (!residual) return "";
   return residual.isLeftOut || residual.px > OFF_PX ? "off" : residual.px <= FITS_PX ? "fits" : "";
 }
@@ -189,7 +191,7 @@ function mark() {
     const { camera } = pane;
     const of = points.map((point, i) => ({ point, label: String(i + 1) })).filter(({ point }) => point.picks[camera]);
     pane.mark({
-      picks: of.map(({ point, label }) => ({ id: point.id, label, pixel: point.picks[camera], state: stateOf(point.id, camera), isSelected: selected?.id === point.id })),
+      picks: of.map(({ point, label }) => ({ id: point.id, label, pixel: point.picks[camera], state: stateOf(residuals.get(`${point.id} ${camera}`)), isSelected: selected?.id === point.id })),
       proposals: proposals.map((proposal) => proposal.pixels[proposal.cameras.indexOf(camera)]),
       line: line?.camera === camera ? line : null,
       lengths: scale.linesIn(camera),
@@ -199,9 +201,9 @@ function mark() {
 
 function draw() {
   mark();
-  byId("points").replaceChildren(...points.map(pointItem));
+  pointRows.show(points.map((point) => ({ key: point.id, ...point })));
   const proposals = openProposals();
-  byId("proposals").replaceChildren(...proposals.map(proposalItem));
+  proposalRows.show(proposals.map((proposal) => ({ key: JSON.stringify(proposal), ...proposal })));
   byId("take-all").hidden = proposals.length < 2;
   scale.say();
   const problems = saidPairs.map(({ cameras: [a, b], points: count, problem }) => problem ? `${a} and ${b}: ${problem}` : `${a} and ${b}: ${count} points${count < 3 ? ", at least 3 are needed" : count === 3 ? ", which prove nothing: pick two more" : ""}`);
@@ -211,37 +213,50 @@ function draw() {
   byId("hint").textContent = HINTS[scale.ends ? "ends" : !isReady ? "wait" : pending() ? "second" : points.length > 0 ? "idle" : "first"];
 }
 
-function item(label, picks) {
-  const element = document.createElement("li");
-  element.appendChild(document.createElement("span")).textContent = label;
-  element.appendChild(magnifiedPair(picks, images));
-  return element;
-}
-
 function button(text, title, action) {
   const element = document.createElement("button");
-  Object.assign(element, { type: "button", textContent: text, title });
-  element.setAttribute("aria-label", title);
+  Object.assign(element, { type: "button", textContent: text });
+  entitle(element, title);
   element.addEventListener("click", (event) => { event.stopPropagation(); action(); });
   return element;
 }
 
-function pointItem({ id, picks }, index) {
-  const element = item(`${index + 1}`, Object.entries(picks));
+function entitle(element, title) {
+  element.title = title;
+  element.setAttribute("aria-label", title);
+}
+
+// A row of magnified pictures between a label and what is said of them.
+function row(...buttons) {
+  const element = document.createElement("li");
+  const label = document.createElement("span");
+  const said = document.createElement("output");
+  const pair = new MagnifiedPair(images);
+  element.append(label, pair.element, said, ...buttons);
+  return { element, label, pair, said };
+}
+
+function pointRow({ id }) {
+  const removing = button("✕", "", () => remove(id));
+  const { element, label, pair, said } = row(removing);
   element.dataset.point = id;
-  element.classList.toggle("selected", selected?.id === id);
-  const worst = Object.keys(picks).map((camera) => residuals.get(`${id} ${camera}`)).filter(Boolean).sort((a, b) => b.px - a.px)[0];
-  const residual = element.appendChild(document.createElement("output"));
-  residual.className = `residual ${worst ? (worst.isLeftOut || worst.px > OFF_PX ? "off" : worst.px <= FITS_PX ? "fits" : "") : ""}`;
-  residual.value = worst ? `${worst.px.toFixed(1)} px${worst.isLeftOut ? ", left out" : ""}` : Object.keys(picks).length < 2 ? "in one picture" : "";
-  element.appendChild(button("✕", `Remove point ${index + 1}`, () => remove(id)));
   element.addEventListener("click", () => {
-    selected = { id, camera: Object.keys(picks)[0] };
+    const { picks } = pointOfId(id);
     const [a, b] = Object.keys(picks);
+    selected = { id, camera: a };
     if (b && !panes.every((pane) => pane.camera in picks)) [a, b].forEach((name, side) => showCamera(side, name));
     draw();
   });
-  return element;
+  const show = ({ picks }, index) => {
+    label.textContent = `${index + 1}`;
+    entitle(removing, `Remove point ${index + 1}`);
+    element.classList.toggle("selected", selected?.id === id);
+    pair.show(Object.entries(picks));
+    const worst = Object.keys(picks).map((camera) => residuals.get(`${id} ${camera}`)).filter(Boolean).sort((a, b) => b.px - a.px)[0];
+    said.className = `residual ${stateOf(worst)}`;
+    said.value = worst ? `${worst.px.toFixed(1)} px${worst.isLeftOut ? ", left out" : ""}` : Object.keys(picks).length < 2 ? "in one picture" : "";
+  };
+  return { element, show };
 }
 
 function take(proposals) {
@@ -252,14 +267,11 @@ function take(proposals) {
   changed();
 }
 
-function proposalItem(proposal) {
-  const picks = proposal.cameras.map((camera, i) => [camera, proposal.pixels[i]]);
-  const element = item("", picks);
-  const alike = element.appendChild(document.createElement("output"));
-  alike.className = "residual";
-  alike.value = `alike ${proposal.correlation.toFixed(2)}`;
-  element.appendChild(button("Take", "Take this proposal: it is the same physical point", () => take([proposal])));
-  return element;
+function proposalRow(proposal) {
+  const { element, pair, said } = row(button("Take", "Take this proposal: it is the same physical point", () => take([proposal])));
+  said.className = "residual";
+  said.value = `alike ${proposal.correlation.toFixed(2)}`;
+  return { element, show: () => pair.show(proposal.cameras.map((camera, i) => [camera, proposal.pixels[i]])) };
 }
 
 // The server.

@@ -1,6 +1,8 @@
 // The scale: lengths between two clicked places, heights of cameras, calibration boards. The form shows one; a list all, where
 // there are several.
 
+import { Rows } from "/rows.js";
+
 const byId = (id) => document.getElementById(id);
 
 const kindOf = (table) => (table.board !== undefined ? "board" : table.height !== undefined ? "height" : "length");
@@ -24,6 +26,7 @@ export class ScaleForm {
   hasFile = false; // whether the file has a scale
   chosen = 0; // the one in the form
   ends = null; // of a length while it is clicked: { camera, pixels }
+  #rows = new Rows(byId("scales"), ({ key }) => this.#row(key));
 
   // `before` is called before the scale changes, for the way back; `after` when it has, or when only its clicked ends have.
   constructor(before, after) {
@@ -96,23 +99,21 @@ export class ScaleForm {
     const { from, camera } = this.stated[this.chosen];
     byId("ends").setAttribute("aria-pressed", this.ends !== null);
     byId("ends-said").value = this.ends ? `${this.ends.pixels.length} of 2` : from ? `in ${camera}` : "";
-    byId("scales").replaceChildren(...(this.stated.length > 1 ? this.stated.map((table, i) => this.#item(table, i)) : []));
+    this.#rows.show(this.stated.length > 1 ? this.stated.map((table, i) => ({ key: i, table })) : []);
     byId("scale-add").disabled = !this.stated.every(complete);
   }
 
-  #item(table, index) {
-    const item = document.createElement("li");
-    item.classList.toggle("selected", index === this.chosen);
-    const choose = item.appendChild(document.createElement("button"));
-    Object.assign(choose, { type: "button", textContent: labels[kindOf(table)](table) });
-    choose.setAttribute("aria-pressed", index === this.chosen);
+  #row(index) {
+    const element = document.createElement("li");
+    const choose = element.appendChild(document.createElement("button"));
+    choose.type = "button";
     choose.addEventListener("click", () => {
       this.chosen = index;
       this.ends = null;
       this.#show();
       this.after(false);
     });
-    const remove = item.appendChild(document.createElement("button"));
+    const remove = element.appendChild(document.createElement("button"));
     Object.assign(remove, { type: "button", textContent: "✕", title: `Remove scale ${index + 1}` });
     remove.setAttribute("aria-label", remove.title);
     remove.addEventListener("click", () => {
@@ -124,7 +125,13 @@ export class ScaleForm {
       this.#show();
       this.after(true);
     });
-    return item;
+    const show = ({ table }) => {
+      const isChosen = index === this.chosen;
+      element.classList.toggle("selected", isChosen);
+      choose.textContent = labels[kindOf(table)](table);
+      choose.setAttribute("aria-pressed", isChosen);
+    };
+    return { element, show };
   }
 
   #show() {

@@ -104,10 +104,19 @@ fn proposals_are_taken_by_a_click_and_a_failing_build_is_told_in_a_chromium() {
     let pairs = project.shared.iter().step_by(project.shared.len() / 4).take(4);
     let proposals =
         pairs.map(|pixels| super::super::state::ProposedPoint::new(["cam0", "cam1"], *pixels, 0.9));
-    let proposals: Vec<_> = proposals.collect();
+    let mut proposals: Vec<_> = proposals.collect();
+    let fourth = proposals.pop();
     project.session.update(|state| state.proposals = proposals);
     let Some(mut page) = Page::open(&format!("http://{}/", project.address)) else { return };
+    page.wait_until("document.querySelectorAll('#proposals li').length === 3");
+    page.value("pressed = document.querySelector('#proposals li button'), 0");
+    project.session.update(|state| state.proposals.extend(fourth));
     page.wait_until("document.querySelectorAll('#proposals li').length === 4");
+    assert_eq!(
+        page.value("pressed.isConnected"),
+        true,
+        "a button that is pressed while another proposal arrives"
+    );
     page.click("#proposals li button");
     page.wait_until("document.querySelectorAll('#points li').length === 1 && document.querySelectorAll('#proposals li').length === 3");
     page.click("#take-all");
