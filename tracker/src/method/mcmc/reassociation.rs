@@ -334,6 +334,15 @@ mod tests {
     }
 
     #[test]
+    fn heights_tell_nobody_apart_where_boxes_make_everybody_equally_tall() {
+        let options = McmcOptions::of_boxes();
+        let prior = Size::prior(&options);
+        let equal = Size { height: Spread { sigma_m: 0.002, ..prior.height }, ..prior };
+        let mut smoother = exchanged_tracks(true, [1.85, 1.6], ALIKE);
+        assert!(reassociate(&mut smoother.moments, &options, &equal).is_empty());
+    }
+
+    #[test]
     fn people_of_different_appearance_who_turn_back_are_told_apart_by_their_vectors() {
         let options = McmcOptions::of_boxes();
         let mut different = exchanged_tracks(true, [1.7; 2], DIFFERENT);
