@@ -13,7 +13,7 @@ use nalgebra::{Isometry3, Vector3};
 use tests::board::Board;
 use tests::broker::{Broker, BrokerOptions};
 use tests::data::{office, program};
-use tests::office_room::give_stages;
+use tests::office_room::{give_stages, give_stages_of_draft};
 
 /// Frames of the office's films that are used: 20 without people, then the first ones who come in.
 const FRAMES: usize = 72;
@@ -123,7 +123,8 @@ fn run_chapter(chapter: &str) {
         .into_iter()
         .filter(|room| needs(&format!("--out {room}")) || needs(&format!("--room {room}")))
     {
-        give_stages(&folder.path().join(room)).unwrap();
+        let give = if needs("--quality draft") { give_stages_of_draft } else { give_stages };
+        give(&folder.path().join(room)).unwrap();
     }
     if needs("board/") {
         film_board(&folder.path().join("board"));

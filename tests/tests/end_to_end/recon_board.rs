@@ -10,7 +10,7 @@ use tests::accuracy::capture_truth;
 use tests::board::Board;
 use tests::chain::{compare_rooms, run};
 use tests::data::{office, program};
-use tests::office_room::give_stages;
+use tests::office_room::give_stages_of_draft;
 
 const SIDE_M: f64 = 0.075;
 
@@ -54,7 +54,7 @@ fn a_board_in_the_capture_gives_the_metres() {
         command
     };
     // The capture without a board is the office's.
-    give_stages(&room).unwrap();
+    give_stages_of_draft(&room).unwrap();
     run(&mut build()).unwrap();
     let errors = compare_rooms(&room, &office.join("room"), 50).unwrap();
     // cam0's picture shows the board, which its truth does not have.

@@ -17,6 +17,12 @@ fn recon(folder: &Path) -> Command {
     recon
 }
 
+fn draft(folder: &Path) -> Command {
+    let mut draft = recon(folder);
+    draft.args(["--quality", "draft"]);
+    draft
+}
+
 fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
@@ -28,7 +34,7 @@ fn an_interrupted_build_goes_on_where_it_ended() {
     let truth = RoomOptions { seed: 4, image_px: [320, 240], ..RoomOptions::default() }.build().unwrap();
     tests::project::write(folder, &truth, 24).unwrap();
 
-    let mut interrupted = recon(folder).stderr(Stdio::null()).spawn().unwrap();
+    let mut interrupted = draft(folder).stderr(Stdio::null()).spawn().unwrap();
     // The captures are processed in parallel: either may be kept first.
     let captures = ["cam0", "cam1"];
     let is_kept = |name: &str| folder.join(format!("room.unfinished/cache/capture_{name}.bin")).exists();
@@ -43,7 +49,7 @@ fn an_interrupted_build_goes_on_where_it_ended() {
     assert!(!folder.join("room").exists(), "half a room");
     let kept = captures.map(is_kept);
 
-    let resumed = recon(folder).output().unwrap();
+    let resumed = draft(folder).output().unwrap();
     let text = said(&resumed);
     assert!(resumed.status.success(), "{text}");
     assert_eq!(captures.map(|name| text.contains(&format!("{name}: depth kept"))), kept, "{text}");
@@ -52,11 +58,11 @@ fn an_interrupted_build_goes_on_where_it_ended() {
     let names = ["scene.toml", "room.ply", "plan.png", "preview/cam1.png"];
     let before = files(names);
 
-    let again = recon(folder).output().unwrap();
+    let again = draft(folder).output().unwrap();
     let text = said(&again);
     assert!(again.status.success() && text.contains("cam1: depth kept"), "{text}");
     assert!(before == files(names), "a kept camera is not the camera that was kept");
-    let other_seed = recon(folder).args(["--seed", "x"]).output().unwrap();
+    let other_seed = draft(folder).args(["--seed", "x"]).output().unwrap();
     assert_eq!(other_seed.status.code(), Some(2));
 
     let built = Room::read(&folder.join("room")).unwrap();
@@ -68,10 +74,12 @@ fn an_interrupted_build_goes_on_where_it_ended() {
     assert!(relative.position_cm < 9.0 && relative.rotation_deg < 1.0, "{relative:?}");
     assert!(floor.tilt_deg < 1.0 && floor.height_cm.abs() < 6.0, "{floor:?}");
 
-    // The cached motion serves a draft, too.
-    let draft = recon(folder).args(["--quality", "draft"]).output().unwrap();
-    let text = said(&draft);
-    assert!(draft.status.success(), "{text}");
+    // The cached motion serves other depths, too.
+    let options = "[dense]\nkey_frames = 4\nhalvings = 2\niterations = [2, 1, 0]\nfuse_key_frames = false\n";
+    fs::write(folder.join("options.toml"), options).unwrap();
+    let other = recon(folder).args(["--options", "options.toml"]).output().unwrap();
+    let text = said(&other);
+    assert!(other.status.success(), "{text}");
     for name in captures {
         let kept = |what: &str| text.contains(&format!("{name}: {what} kept"));
         assert!(kept("camera motion") && !kept("depth"), "{text}");
