@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use shell::ranges::{DISTANCE_M, ROOM_M};
 
 use super::ProjectCamera;
-use super::tables::{camera_called, finite};
+use super::checked_pick::{camera_called, finite};
 use crate::{Error, Result};
 
 /// A length that is known in metres.

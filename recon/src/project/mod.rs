@@ -2,6 +2,7 @@
 //!
 //! Every error that can be found before hours of film are read is reported here, with its place.
 
+mod checked_pick;
 mod connected;
 mod edit;
 mod metres;

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nalgebra::Point2;
 use serde::Deserialize;
 
+use super::checked_pick::{camera_called, finite};
 use super::metres::{self, ControlPoint, ControlTable, KnownLength, ScaleTable};
 use super::{PickedPoint, ProjectCamera};
 use crate::capture::ReferenceFrame;
@@ -146,23 +146,4 @@ fn point(
     }
     picks.sort_by_key(|(camera, _)| *camera);
     Ok(PickedPoint { picks })
-}
-
-pub(super) fn camera_called(
-    path: &Path,
-    place: &str,
-    name: &str,
-    cameras: &[ProjectCamera],
-) -> Result<usize> {
-    cameras.iter().position(|c| c.name == name).ok_or_else(|| {
-        let known = cameras.iter().map(|c| format!("`{}`", c.name)).collect::<Vec<_>>().join(", ");
-        Error::content(path, place, format!("no camera is called `{name}`; there are {known}"))
-    })
-}
-
-pub(super) fn finite(path: &Path, place: &str, [x, y]: [f64; 2]) -> Result<Point2<f64>> {
-    if x.is_finite() && y.is_finite() {
-        return Ok(Point2::new(x, y));
-    }
-    Err(Error::content(path, place, format!("[{x}, {y}] is not a pixel")))
 }

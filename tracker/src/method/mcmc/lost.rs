@@ -10,41 +10,14 @@
 //! log p(the lost person) − log p(somebody new) = log N(place; belief after t) − log (b t / A)
 //! ```
 
-use std::f64::consts::TAU;
-
-use nalgebra::{Matrix2, Vector2};
-
 use super::Mcmc;
-use super::motion::Motion;
-use super::options::MotionOptions;
 use super::outage::FORGOTTEN_AFTER_S;
 use super::person::Key;
+use super::sighting::Sighting;
 use super::track::Track;
 
 /// Probability of existence below which a followed person counts as lost.
 const HARDLY_THERE: f64 = 0.1;
-
-/// Place and motion of a person at the last moment whose masks showed them.
-#[derive(Debug, Clone)]
-pub(super) struct Sighting {
-    pub(super) time_s: f64,
-    pub(super) motion: Motion,
-    /// Whether the person was in an exit zone, or close to one.
-    pub(super) at_exit: bool,
-}
-
-impl Sighting {
-    /// Log density of this person's place at a later time, 1/m².
-    fn log_density(&self, place: &Vector2<f64>, time_s: f64, options: &MotionOptions) -> f64 {
-        let mut motion = self.motion.clone();
-        motion.predict(time_s - self.time_s, false, options);
-        let covariance: Matrix2<f64> = motion.silhouette_covariance();
-        let away = place - motion.silhouette_place();
-        // A covariance of motion over some time has an inverse; without one, the place says nothing.
-        let Some(inverse) = covariance.try_inverse() else { return f64::NEG_INFINITY };
-        -0.5 * away.dot(&(inverse * away)) - TAU.ln() - 0.5 * covariance.determinant().ln()
-    }
-}
 
 /// Index of a lost person's track.
 #[derive(Debug, Clone, Copy)]

@@ -44,6 +44,7 @@ mod reassociation;
 mod report;
 mod rescue;
 mod sampling;
+mod sighting;
 mod smoother;
 mod tally;
 mod trace;

@@ -4,13 +4,13 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::boxes::BoxMeasurement;
 use super::evidence::Evidence;
-use super::lost::Sighting;
 use super::motion::Motion;
 use super::options::McmcOptions;
 use super::outage::OUTAGE_S;
 use super::passage::Passage;
 use super::person::{Key, Known, Place};
 use super::posture::{Postures, Size};
+use super::sighting::Sighting;
 use super::tally::Sums;
 use super::traits::{LearntTraits, ShownTraits};
 use super::vector_places::VectorPlaces;
