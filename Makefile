@@ -39,7 +39,7 @@ demo: libraries
 
 test: setup
 	cargo build --locked --workspace --bins --tests $(FEATURES)
-	@./tests/run.sh --locked --workspace $(FEATURES)
+	@./tests/run.sh --locked --workspace --lib --bins --tests $(FEATURES)
 
 # tests/fuzz is a workspace of its own; its lock file must follow the readers' dependencies.
 lint: libraries
