@@ -1,8 +1,7 @@
 //! Readers of files and packets that come from outside, with something good for each to read: what the test of damaged files and the
 //! fuzzer start from.
 //!
-//! Left out are films (FFmpeg's), sites of `serve`, lists of frames, results that `events` and `report` read again, and boxes of a live
-//! detector.
+//! Left out are films (FFmpeg's), sites of `serve` and lists of frames.
 
 mod samples;
 
@@ -14,7 +13,9 @@ use recon::project::Project;
 use scenes::exchange::{self, ModelOptions, alignment, colmap};
 use scenes::geometry::scan::Placing;
 use shell::plain_text;
-use tracker::source::{DetectorBoxes, Times};
+use tracker::events::stats::DayStats;
+use tracker::source::{DetectorBoxes, FrameAssembler, Times, next_line};
+use tracker::tracks::Timings;
 use tracker::wire::encoding::{Limits, Message};
 use tracker::wire::packet;
 
@@ -73,6 +74,8 @@ pub fn readers() -> Result<Vec<Reader>, String> {
             ("cameras.txt", text(samples::COLMAP_CAMERAS)),
             ("images.txt", text(samples::COLMAP_IMAGES)),
             ("points3D.txt", text(samples::COLMAP_POINTS)),
+            ("rigs.txt", text(samples::COLMAP_RIGS)),
+            ("frames.txt", text(samples::COLMAP_FRAMES)),
         ]
     };
     let colmap_binary = || {
@@ -80,6 +83,15 @@ pub fn readers() -> Result<Vec<Reader>, String> {
             ("cameras.bin", samples::colmap_cameras()),
             ("images.bin", samples::colmap_images()),
             ("points3D.bin", samples::colmap_points()),
+            ("rigs.bin", samples::colmap_rigs()),
+            ("frames.bin", samples::colmap_frames()),
+        ]
+    };
+    let run = || {
+        vec![
+            ("events.jsonl", text(samples::EVENTS)),
+            ("counts.csv", text(samples::COUNTS)),
+            ("groups.csv", text(samples::GROUPS)),
         ]
     };
     let project = vec![("film.mp4", Vec::new()), ("lens.toml", text(samples::LENS))];
@@ -106,16 +118,24 @@ pub fn readers() -> Result<Vec<Reader>, String> {
         reader_beside("colmap_d/cameras.bin", samples::colmap_cameras(), colmap_binary(), colmap_model),
         reader_beside("colmap_e/images.bin", samples::colmap_images(), colmap_binary(), colmap_model),
         reader_beside("colmap_f/points3D.bin", samples::colmap_points(), colmap_binary(), colmap_model),
+        reader_beside("colmap_g/rigs.txt", text(samples::COLMAP_RIGS), colmap_text(), colmap_model),
+        reader_beside("colmap_h/frames.txt", text(samples::COLMAP_FRAMES), colmap_text(), colmap_model),
+        reader_beside("colmap_i/rigs.bin", samples::colmap_rigs(), colmap_binary(), colmap_model),
+        reader_beside("colmap_j/frames.bin", samples::colmap_frames(), colmap_binary(), colmap_model),
         reader("lens.toml", text(samples::LENS), |p| outcome(calib::files::read_intrinsics(p))),
         reader("options.toml", text(samples::OPTIONS), |p| outcome(BuildOptions::read(p))),
         reader_beside("project/room.toml", text(samples::PROJECT), project, |p| outcome(Project::read(p))),
         reader("points.csv", text(samples::KNOWN_POINTS), |p| outcome(alignment::read_points(p))),
         reader("picture.png", samples::picture()?, |p| outcome(calib::picture::read(p))),
         reader("depth.png", samples::depth()?, |p| outcome(scenes::depth::png::read(p))),
+        reader_beside("run_a/events.jsonl", text(samples::EVENTS), run(), day),
+        reader_beside("run_b/counts.csv", text(samples::COUNTS), run(), day),
+        reader_beside("run_c/groups.csv", text(samples::GROUPS), run(), day),
+        reader("timings.json", text(samples::TIMINGS), |p| outcome(Timings::read(p))),
+        reader("boxes.jsonl", text(samples::LIVE_BOXES), live_boxes),
         reader("packet", samples::station_packet()?, |p| outcome(packet::decode(&bytes(p)?))),
-        reader("message", samples::station_message()?, |p| {
-            outcome(Message::decode(&bytes(p)?, Limits { width: 64, height: 48 }))
-        }),
+        reader("message", samples::station_message()?, message),
+        reader("observation", samples::station_observation()?, message),
     ])
 }
 
@@ -138,4 +158,28 @@ fn geometry(file: &Path) -> Result<(), String> {
 fn colmap_model(file: &Path) -> Result<(), String> {
     outcome(exchange::model(folder(file), &ModelOptions::default()))?;
     outcome(colmap::geometry(folder(file), &Placing::default()))
+}
+
+fn message(file: &Path) -> Result<(), String> {
+    outcome(Message::decode(&bytes(file)?, Limits { width: 64, height: 48 }))
+}
+
+/// Statistics of a run's events, and what is told of them.
+fn day(file: &Path) -> Result<(), String> {
+    let stats = DayStats::read(folder(file)).map_err(|e| e.to_string())?;
+    let told = stats.text() + &stats.csv();
+    // At least the beginning and the end, and the columns' names.
+    assert!(told.lines().count() > 2, "{told}");
+    Ok(())
+}
+
+/// Rows of a live detector.
+fn live_boxes(file: &Path) -> Result<(), String> {
+    let content = bytes(file)?;
+    let mut left = content.as_slice();
+    let mut frames = FrameAssembler::default();
+    while let Some(line) = next_line(&mut left).map_err(|e| e.to_string())? {
+        frames.take(&line, 0.0)?;
+    }
+    Ok(())
 }

@@ -1,13 +1,17 @@
 //! Good content for each reader: texts as they stand, and the bytes of small binary files.
 
 use std::path::Path;
+use std::time::Duration;
 
 use glam::Vec3;
 use image::{Rgb, RgbImage};
 use nalgebra::{Matrix2, Point2, Vector2};
 use scenes::depth::{DepthMap, png};
 use scenes::geometry::{Mesh, gltf};
+use tracker::foreground::Verdict;
 use tracker::method::agents::{AgentId, MediatorMessage, Packet, Report, StationId, TargetId};
+use tracker::observation::{Colours, Mask, Observation, PersonBox};
+use tracker::station::{ObservedFrame, Pictures};
 use tracker::wire::encoding::Message;
 use tracker::wire::packet;
 
@@ -92,6 +96,28 @@ pub(super) const KNOWN_POINTS: &str =
 pub(super) const COLMAP_CAMERAS: &str = "# cameras\n1 OPENCV 64 48 60 60 32 24 0.1 0 0 0\n";
 pub(super) const COLMAP_IMAGES: &str = "# images\n1 1 0 0 0 0 0 2 1 a.jpg\n10 20 1 30 40 -1\n";
 pub(super) const COLMAP_POINTS: &str = "# points\n1 0.5 0.5 3 200 100 50 0.4 1 0\n";
+pub(super) const COLMAP_RIGS: &str = "# rigs\n4 3 CAMERA 1 CAMERA 2 1 1 0 0 0 0.2 0 0 IMU 9 0\n";
+pub(super) const COLMAP_FRAMES: &str = "# frames\n7 4 1 0 0 0 0 0 2 1 CAMERA 1 1\n";
+
+pub(super) const EVENTS: &str = r#"{"time":1.0,"frame":2,"kind":"appear","where":"door","id":1,"x":0.5,"y":1.0,"clock":"2026-11-26T09:00:01.000Z"}
+{"time":2.0,"frame":3,"kind":"enter","where":"desk","id":1,"x":2.5,"y":2.5}
+{"time":3.0,"frame":4,"kind":"cross","where":"gate","id":1,"x":2.5,"y":2.5,"direction":"in"}
+{"time":5.0,"frame":6,"kind":"dwell","where":"desk","id":1,"x":2.5,"y":2.5,"seconds":3.0}
+{"time":5.5,"frame":6,"kind":"camera","where":"a","state":"frozen"}
+{"time":6.0,"frame":7,"kind":"leave","where":"desk","id":1,"x":2.5,"y":2.5,"seconds":4.0}
+{"time":6.0,"frame":7,"kind":"revoke","revoked":"dwell","where":"desk","id":1,"x":2.5,"y":2.5,"seconds":3.0}
+{"time":9.0,"frame":9,"kind":"disappear","where":"door","id":1,"x":0.5,"y":1.0}
+"#;
+pub(super) const COUNTS: &str = "time,where,inside,in,out\n300.0,room,0,1,1\n300.0,desk,0,1,1\n300.0,\"gate, left\",1,1,0\n600.0,room,0,0,0\n\
+    600.0,desk,0,0,0\n600.0,\"gate, left\",1,0,0\n";
+pub(super) const GROUPS: &str = "first,last,people,ids\n1.0,9.0,2,1 2\n";
+pub(super) const TIMINGS: &str = r#"{"threads":2,"frames":9,"stages":{"foreground":{"count":9,"median_ms":1.5,"p95_ms":2.0,"total_ms":14.0}}}
+"#;
+pub(super) const LIVE_BOXES: &str = r#"{"time":0.5,"boxes":[{"left":20,"top":10,"width":8,"height":20,"appearance":[0.5,-0.5]}]}
+2,-1,20,10,8,20,1
+2,-1,40,10,8,20,1
+3,-1,21,10,8,20,1
+"#;
 
 /// `cameras.bin`: one camera of the model PINHOLE.
 pub(super) fn colmap_cameras() -> Vec<u8> {
@@ -126,6 +152,40 @@ pub(super) fn colmap_points() -> Vec<u8> {
     bytes.extend(1_u64.to_le_bytes());
     bytes.extend(1_u32.to_le_bytes());
     bytes.extend(0_u32.to_le_bytes());
+    bytes
+}
+
+/// A pose as COLMAP writes it: the quaternion (w first), then the translation.
+fn colmap_pose(translation: [f64; 3]) -> impl Iterator<Item = u8> {
+    [1.0, 0.0, 0.0, 0.0].into_iter().chain(translation).flat_map(f64::to_le_bytes)
+}
+
+/// A sensor as COLMAP writes it: its kind, 0 for a camera, and its number.
+fn colmap_sensor(kind: i32, number: u32) -> impl Iterator<Item = u8> {
+    kind.to_le_bytes().into_iter().chain(number.to_le_bytes())
+}
+
+/// `rigs.bin`: the rig of [`COLMAP_RIGS`].
+pub(super) fn colmap_rigs() -> Vec<u8> {
+    let mut bytes = 1_u64.to_le_bytes().to_vec();
+    bytes.extend([4_u32, 3].into_iter().flat_map(u32::to_le_bytes));
+    bytes.extend(colmap_sensor(0, 1));
+    bytes.extend(colmap_sensor(0, 2));
+    bytes.push(1);
+    bytes.extend(colmap_pose([0.2, 0.0, 0.0]));
+    bytes.extend(colmap_sensor(1, 9));
+    bytes.push(0);
+    bytes
+}
+
+/// `frames.bin`: the frame of [`COLMAP_FRAMES`].
+pub(super) fn colmap_frames() -> Vec<u8> {
+    let mut bytes = 1_u64.to_le_bytes().to_vec();
+    bytes.extend([7_u32, 4].into_iter().flat_map(u32::to_le_bytes));
+    bytes.extend(colmap_pose([0.0, 0.0, 2.0]));
+    bytes.extend(1_u32.to_le_bytes());
+    bytes.extend(colmap_sensor(0, 1));
+    bytes.extend(1_u64.to_le_bytes());
     bytes
 }
 
@@ -214,4 +274,30 @@ pub(super) fn station_packet() -> Result<Vec<u8>, String> {
 
 pub(super) fn station_message() -> Result<Vec<u8>, String> {
     Message::Failure("the camera is gone".into()).encode().map_err(|e| e.to_string())
+}
+
+/// A frame that a station observed: a person's silhouette with its colours, and a box with a vector.
+pub(super) fn station_observation() -> Result<Vec<u8>, String> {
+    let mask = Mask::from_fn(64, 48, |x, y| x.abs_diff(30) < 4 && y.abs_diff(25) < 12);
+    let picture = RgbImage::from_fn(64, 48, |x, y| Rgb([x as u8, 4 * y as u8, 90]));
+    let colours = Colours::of_picture(&mask, 2, &picture);
+    let person = PersonBox {
+        left: 26.0,
+        top: 13.0,
+        right: 34.0,
+        bottom: 37.0,
+        cut: [false; 4],
+        appearance: Some([0.5, -0.5].into()),
+    };
+    let observation = Observation {
+        sequence: 3,
+        time_s: 0.25,
+        health: Verdict::Usable,
+        mask: Some(mask),
+        colours: Some(colours),
+        boxes: Some(vec![person]),
+    };
+    let time = Duration::from_millis(2);
+    let seen = ObservedFrame { observation, pictures: Pictures::default(), decode: time, foreground: time };
+    Message::Seen(Box::new(seen)).encode().map_err(|e| e.to_string())
 }
