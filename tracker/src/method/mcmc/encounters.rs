@@ -32,6 +32,7 @@ use nalgebra::Vector2;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
+use self::search::Event;
 use self::window::Window;
 use super::Mcmc;
 use super::options::McmcOptions;
@@ -115,6 +116,21 @@ impl Encounters {
             population: Size::prior(options),
             rng: Pcg64Mcg::seed_from_u64(options.seed),
         }
+    }
+
+    /// Decides who is who by all that is known now: exchanges names in the moments, and tells whose names changed. `returns_nats`:
+    /// as in [`Self::search`].
+    fn decide(
+        &mut self,
+        moments: &mut VecDeque<LaggedMoment>,
+        options: &McmcOptions,
+        returns_nats: &impl Fn(Event<'_>, Event<'_>) -> f64,
+    ) -> Option<Renamed> {
+        let now_s = moments.back()?.time_s;
+        self.settle(moments, now_s - UNDECIDED_S);
+        self.search(moments, options, returns_nats);
+        self.population = population::estimated(moments, &Size::prior(options));
+        self.weigh(moments)
     }
 
     /// Sizes of the people of the last [`REMEMBERED_S`] seconds.
@@ -222,10 +238,8 @@ impl Mcmc {
             return;
         }
         encounters.weighed_s = now_s;
-        encounters.settle(&mut smoother.moments, now_s - UNDECIDED_S);
-        encounters.search(&smoother.moments, options, &|lost, found| returns_nats(stage, lost, found));
-        encounters.population = population::estimated(&smoother.moments, &Size::prior(options));
-        if let Some(renamed) = encounters.weigh(&mut smoother.moments) {
+        let returns_nats = |lost: Event<'_>, found: Event<'_>| returns_nats(stage, lost, found);
+        if let Some(renamed) = encounters.decide(&mut smoother.moments, options, &returns_nats) {
             self.rename_tracks(&renamed);
         }
     }

@@ -1,4 +1,4 @@
-//! Where a followed person was last seen, and where they may be some time later.
+//! The place at which the masks last showed a person, and the density of the person's place some time later.
 
 use std::f64::consts::TAU;
 

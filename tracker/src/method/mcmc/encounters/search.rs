@@ -18,7 +18,7 @@ const APART_S: f64 = 0.2;
 const TOGETHER_S: f64 = 2.0;
 
 /// Time (seconds) and place (metres) of a track.
-type Event<'a> = (f64, &'a Vector2<f64>);
+pub(super) type Event<'a> = (f64, &'a Vector2<f64>);
 
 /// First and last moment of a track.
 struct Life {

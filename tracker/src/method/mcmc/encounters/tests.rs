@@ -84,10 +84,7 @@ impl Held {
         self.moments += 1;
         let (encounters, moments) = (&mut self.encounters, &mut self.smoother.moments);
         encounters.observe_names(moments);
-        encounters.settle(moments, now_s - UNDECIDED_S);
-        encounters.search(moments, &options, &|_, _| self.returns_nats);
-        encounters.population = population::estimated(moments, &Size::prior(&options));
-        let renamed = encounters.weigh(moments);
+        let renamed = encounters.decide(moments, &options, &|_, _| self.returns_nats);
         if let Some(renamed) = &renamed {
             self.names = renamed.names.clone();
         }
