@@ -39,7 +39,7 @@ fn only(surfaces: [&Surface; 2]) -> Option<Correspondence> {
 #[test]
 fn proposals_are_the_same_place_from_beside_and_from_the_opposite_wall() {
     let mut misses = Vec::new();
-    for seed in 1..=2 {
+    for seed in 1..=4 {
         let room = room(seed);
         let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
         let [a, b] = [0, 1].map(|i| &room.room.cameras[i].camera);
@@ -61,7 +61,7 @@ fn proposals_are_the_same_place_from_beside_and_from_the_opposite_wall() {
         }
     }
     misses.sort_by(f64::total_cmp);
-    assert!(misses.len() >= 30 && misses[misses.len() / 2] < 0.6, "{misses:?}");
+    assert!(misses.len() >= 60 && misses[misses.len() / 2] < 0.6, "{misses:?}");
     let wrong = misses.iter().filter(|m| **m > 3.0).count();
     assert!(50 * wrong <= misses.len(), "{wrong} of {}: {misses:?}", misses.len());
 }
