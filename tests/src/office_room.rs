@@ -1,5 +1,5 @@
-//! The office's room as `roomtrack recon build` makes it: one build for all tests that need it, or the stages of it. The same
-//! for a draft.
+//! The office's room as `roomtrack recon build` makes it, in full and as a draft: each is built once for all tests that need the room
+//! or the stages of its build.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};

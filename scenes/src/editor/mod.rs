@@ -20,6 +20,6 @@ mod session;
 mod tests;
 mod walls;
 
-pub use page::{CONTROLS_STYLE, SERVER_SCRIPT, SHAPES_SCRIPT};
+pub use page::{CONTROLS_STYLE, ROWS_SCRIPT, SERVER_SCRIPT, SHAPES_SCRIPT};
 pub use server::Server;
 pub use session::Session;

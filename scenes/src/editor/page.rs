@@ -10,9 +10,11 @@ pub const CONTROLS_STYLE: PageFile = PageFile::css("/controls.css", include_str!
 pub const SERVER_SCRIPT: PageFile = PageFile::script("/server.js", include_str!("page/server.js"));
 /// Script of shapes in SVG pictures and of pointers on them.
 pub const SHAPES_SCRIPT: PageFile = PageFile::script("/shapes.js", include_str!("page/shapes.js"));
+/// Script of lists whose rows stay while they are listed.
+pub const ROWS_SCRIPT: PageFile = PageFile::script("/rows.js", include_str!("page/rows.js"));
 
 /// All files of the page.
-pub(super) const FILES: [PageFile; 20] = [
+pub(super) const FILES: [PageFile; 21] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),
     PageFile::PALETTE,
@@ -33,4 +35,5 @@ pub(super) const FILES: [PageFile; 20] = [
     SOLIDS_SCRIPT,
     SHAPES_SCRIPT,
     SERVER_SCRIPT,
+    ROWS_SCRIPT,
 ];

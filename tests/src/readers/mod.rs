@@ -128,9 +128,9 @@ pub fn readers() -> Result<Vec<Reader>, String> {
         reader("points.csv", text(samples::KNOWN_POINTS), |p| outcome(alignment::read_points(p))),
         reader("picture.png", samples::picture()?, |p| outcome(calib::picture::read(p))),
         reader("depth.png", samples::depth()?, |p| outcome(scenes::depth::png::read(p))),
-        reader_beside("run_a/events.jsonl", text(samples::EVENTS), run(), day),
-        reader_beside("run_b/counts.csv", text(samples::COUNTS), run(), day),
-        reader_beside("run_c/groups.csv", text(samples::GROUPS), run(), day),
+        reader_beside("run_a/events.jsonl", text(samples::EVENTS), run(), statistics),
+        reader_beside("run_b/counts.csv", text(samples::COUNTS), run(), statistics),
+        reader_beside("run_c/groups.csv", text(samples::GROUPS), run(), statistics),
         reader("timings.json", text(samples::TIMINGS), |p| outcome(Timings::read(p))),
         reader("boxes.jsonl", text(samples::LIVE_BOXES), live_boxes),
         reader("packet", samples::station_packet()?, |p| outcome(packet::decode(&bytes(p)?))),
@@ -165,7 +165,7 @@ fn message(file: &Path) -> Result<(), String> {
 }
 
 /// Statistics of a run's events, and what is told of them.
-fn day(file: &Path) -> Result<(), String> {
+fn statistics(file: &Path) -> Result<(), String> {
     let stats = DayStats::read(folder(file)).map_err(|e| e.to_string())?;
     let told = stats.text() + &stats.csv();
     // At least the beginning and the end, and the columns' names.

@@ -36,7 +36,7 @@ export class MagnifiedPair {
     this.images = images;
   }
 
-  // Shows [camera, pixel] each; as they are shown already, nothing is drawn.
+  // Shows the surroundings of each [camera, pixel]. Nothing is drawn anew where the same ones are shown.
   show(picks) {
     const shown = JSON.stringify(picks.map(([camera, pixel]) => [camera, pixel, this.images.has(camera)]));
     if (shown === this.#shown) return;

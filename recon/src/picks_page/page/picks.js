@@ -216,29 +216,29 @@ function draw() {
 function button(text, title, action) {
   const element = document.createElement("button");
   Object.assign(element, { type: "button", textContent: text });
-  entitle(element, title);
+  setTitle(element, title);
   element.addEventListener("click", (event) => { event.stopPropagation(); action(); });
   return element;
 }
 
-function entitle(element, title) {
+function setTitle(element, title) {
   element.title = title;
   element.setAttribute("aria-label", title);
 }
 
-// A row of magnified pictures between a label and what is said of them.
+// A row: a label, magnified pictures, a text about them, buttons.
 function row(...buttons) {
   const element = document.createElement("li");
   const label = document.createElement("span");
-  const said = document.createElement("output");
+  const text = document.createElement("output");
   const pair = new MagnifiedPair(images);
-  element.append(label, pair.element, said, ...buttons);
-  return { element, label, pair, said };
+  element.append(label, pair.element, text, ...buttons);
+  return { element, label, pair, text };
 }
 
 function pointRow({ id }) {
-  const removing = button("✕", "", () => remove(id));
-  const { element, label, pair, said } = row(removing);
+  const removeButton = button("✕", "", () => remove(id));
+  const { element, label, pair, text } = row(removeButton);
   element.dataset.point = id;
   element.addEventListener("click", () => {
     const { picks } = pointOfId(id);
@@ -249,12 +249,12 @@ function pointRow({ id }) {
   });
   const show = ({ picks }, index) => {
     label.textContent = `${index + 1}`;
-    entitle(removing, `Remove point ${index + 1}`);
+    setTitle(removeButton, `Remove point ${index + 1}`);
     element.classList.toggle("selected", selected?.id === id);
     pair.show(Object.entries(picks));
     const worst = Object.keys(picks).map((camera) => residuals.get(`${id} ${camera}`)).filter(Boolean).sort((a, b) => b.px - a.px)[0];
-    said.className = `residual ${stateOf(worst)}`;
-    said.value = worst ? `${worst.px.toFixed(1)} px${worst.isLeftOut ? ", left out" : ""}` : Object.keys(picks).length < 2 ? "in one picture" : "";
+    text.className = `residual ${stateOf(worst)}`;
+    text.value = worst ? `${worst.px.toFixed(1)} px${worst.isLeftOut ? ", left out" : ""}` : Object.keys(picks).length < 2 ? "in one picture" : "";
   };
   return { element, show };
 }
@@ -268,9 +268,9 @@ function take(proposals) {
 }
 
 function proposalRow(proposal) {
-  const { element, pair, said } = row(button("Take", "Take this proposal: it is the same physical point", () => take([proposal])));
-  said.className = "residual";
-  said.value = `alike ${proposal.correlation.toFixed(2)}`;
+  const { element, pair, text } = row(button("Take", "Take this proposal: it is the same physical point", () => take([proposal])));
+  text.className = "residual";
+  text.value = `alike ${proposal.correlation.toFixed(2)}`;
   return { element, show: () => pair.show(proposal.cameras.map((camera, i) => [camera, proposal.pixels[i]])) };
 }
 

@@ -2,64 +2,55 @@
 
 import { area, length } from "/geometry.js";
 import { KINDS, LAYERS, isNamed } from "/kinds.js";
+import { Rows } from "/rows.js";
 
 const COPY = `<svg class="icon" viewBox="0 0 14 14" aria-hidden="true"><rect x="1" y="1" width="8" height="8" rx="1.5"/>
   <rect x="5" y="5" width="8" height="8" rx="1.5"/></svg>`;
 const DIRECTIONS = ["both", "entry", "exit"];
 
 export class List {
-  #rows = new Map();
-  #parts = new Map();
+  #parts = new Map(); // by type: { part, rows }
 
   constructor(container, drawing) {
     Object.assign(this, { drawing });
-    for (const type of [...LAYERS].reverse()) this.#parts.set(type, container.appendChild(this.#part(type)));
+    for (const type of [...LAYERS].reverse()) this.#parts.set(type, this.#part(type, container));
     drawing.addEventListener("change", () => this.#update());
   }
 
   // For the name of an item that was just drawn.
   focusName(id) {
-    const row = this.#rows.get(id);
+    const row = this.#parts.get(this.drawing.item(id)?.type)?.rows.row(id);
     if (!row) return;
-    if (!row.name.matches("input")) return row.item.scrollIntoView({ block: "nearest" });
+    if (!row.name.matches("input")) return row.element.scrollIntoView({ block: "nearest" });
     row.name.focus();
     row.name.select();
   }
 
-  #part(type) {
+  #part(type, container) {
     const { title, list, about } = KINDS[type];
-    const part = document.createElement("div");
+    const part = container.appendChild(document.createElement("div"));
     part.className = "part";
     part.innerHTML = `<h2 title="${about}">${title}</h2><ul id="${list}"></ul>`;
-    return part;
+    return { part, rows: new Rows(part.lastElementChild, ({ item }) => this.#row(item)) };
   }
 
   #update() {
-    const { items, selected } = this.drawing;
-    for (const [id, row] of this.#rows) {
-      if (!items.some((item) => item.id === id)) {
-        row.item.remove();
-        this.#rows.delete(id);
-      }
-    }
-    for (const [type, part] of this.#parts) {
+    for (const [type, { part, rows }] of this.#parts) {
       const ofType = this.drawing.ofType(type);
       part.hidden = ofType.length === 0;
-      ofType.forEach((item, i) => this.#show(item, i, part.lastElementChild, item.id === selected));
+      rows.show(ofType.map((item) => ({ key: item.id, item })));
     }
   }
 
-  #show(item, i, list, isSelected) {
+  #show(row, item, i) {
     const { word, isClosed } = KINDS[item.type];
-    const row = this.#rows.get(item.id) ?? this.#row(item);
-    if (list.children[i] !== row.item) list.insertBefore(row.item, list.children[i] ?? null);
     const shown = isNamed(item.type) ? item.name : `floor ${i + 1}`;
     if (document.activeElement !== row.name) row.name.value = shown;
     if (isNamed(item.type)) row.name.setCustomValidity(item.name.trim() ? "" : `A ${word} needs a name.`);
-    row.show(item);
+    row.showProperty(item);
     const size = isClosed ? area(item.points) : length(item.points);
     row.size.value = `${size.toFixed(size < 99.995 ? 2 : 1)} ${isClosed ? "m²" : "m"}`;
-    row.item.classList.toggle("selected", isSelected);
+    row.element.classList.toggle("selected", item.id === this.drawing.selected);
     row.name.setAttribute("aria-label", `Name of ${word} ${i + 1}`);
     row.double.setAttribute("aria-label", `Duplicate ${word} ${item.name || i + 1}`);
     row.remove.setAttribute("aria-label", `Remove ${word} ${item.name || i + 1}`);
@@ -67,15 +58,15 @@ export class List {
 
   #row(item) {
     const { id, type, color } = item;
-    const row = document.createElement("li");
-    row.innerHTML = `<svg class="swatch ${type}" viewBox="0 0 14 14" aria-hidden="true"><rect x="1" y="1" width="12" height="12" rx="3"/></svg>
+    const element = document.createElement("li");
+    element.innerHTML = `<svg class="swatch ${type}" viewBox="0 0 14 14" aria-hidden="true"><rect x="1" y="1" width="12" height="12" rx="3"/></svg>
       ${isNamed(type) ? '<input maxlength="80" autocomplete="off" spellcheck="false">' : "<output></output>"}
       <span class="property"></span><output class="size"></output>
       <button type="button" title="Duplicate (D)">${COPY}</button><button type="button" title="Remove">✕</button>`;
-    const [swatch, name, property, size, double, remove] = row.children;
+    const [swatch, name, property, size, double, remove] = element.children;
     swatch.firstElementChild.setAttribute("fill", color);
     swatch.firstElementChild.setAttribute("stroke", color);
-    const show = this.#property(item, property);
+    const showProperty = this.#property(item, property);
     if (isNamed(type)) {
       name.addEventListener("change", () => this.drawing.set(id, { name: name.value.trim() }));
       name.addEventListener("keydown", (event) => {
@@ -84,11 +75,10 @@ export class List {
     }
     double.addEventListener("click", () => this.focusName(this.drawing.duplicate(id).id));
     remove.addEventListener("click", () => this.drawing.remove(id));
-    row.addEventListener("focusin", () => this.#select(id));
-    row.addEventListener("click", (event) => !event.target.closest("button") && this.#select(id));
-    const parts = { item: row, name, size, double, remove, show };
-    this.#rows.set(id, parts);
-    return parts;
+    element.addEventListener("focusin", () => this.#select(id));
+    element.addEventListener("click", (event) => !event.target.closest("button") && this.#select(id));
+    const row = { element, name, size, double, remove, showProperty };
+    return Object.assign(row, { show: (subject, i) => this.#show(row, subject.item, i) });
   }
 
   // The element of a kind's property, and what shows an item's value in it.

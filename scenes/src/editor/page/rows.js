@@ -1,15 +1,20 @@
-// The rows of a list. A row stays the same element while its subject is listed: what is pressed or has the focus is not
-// replaced meanwhile, as by a reply of the server, or the click would be lost.
+// The rows of a list. A row stays the same element as long as its subject is listed: a button that is pressed, or has the focus,
+// must not be replaced, as when the server's reply comes meanwhile, or the click is lost.
 
 export class Rows {
   #rows = new Map(); // by key
 
-  // `create(subject)` makes a row: { element, show(subject, index) }.
+  // `create(subject)` makes a row: { element, show(subject, index) }, and whatever its owner wants of it.
   constructor(list, create) {
     Object.assign(this, { list, create });
   }
 
-  // Shows these subjects in this order; `key` of one is the same as long as it is the same subject.
+  // The row of a subject, if it is listed.
+  row(key) {
+    return this.#rows.get(key);
+  }
+
+  // Shows these subjects in this order. The `key` of a subject is its own as long as it is listed.
   show(subjects) {
     const keys = new Set(subjects.map(({ key }) => key));
     for (const [key, { element }] of this.#rows) {
