@@ -15,7 +15,7 @@ export function magnify(canvas, image, [x, y], reach = REACH_PX) {
   context.drawImage(image, 0, 0);
   context.setTransform(1, 0, 0, 1, 0, 0);
   const middle = side / 2;
-  for (const [width, color] of [[3, "#000a"], [1.2, "#ffd54a"]]) {
+  for (const [width, color] of [[7, "#000a"], [3, "#ffd54a"]]) {
     context.lineWidth = width;
     context.strokeStyle = color;
     context.beginPath();
