@@ -86,6 +86,14 @@ impl UndistortMap {
         &self.nearest
     }
 
+    /// Tells of each pixel of the pinhole image, row by row, whether the lens has an image of it.
+    pub fn filmed(&self) -> Vec<bool> {
+        if self.is_identity() {
+            return vec![true; self.width as usize * self.height as usize];
+        }
+        self.source.iter().map(Option::is_some).collect()
+    }
+
     /// Resamples a mask to the pinhole image: the nearest pixel's value, 0 where the lens has no image.
     pub fn mask(&self, distorted: &GrayImage, into: &mut GrayImage) {
         if self.is_identity() {
@@ -156,11 +164,15 @@ mod tests {
         UndistortMap::new(&k).mask(&full, &mut seen);
         let middle = twin.project(&Point3::new(0.0, 0.0, 1.0)).unwrap();
         assert!(seen.get_pixel(middle.x as u32, middle.y as u32)[0] == 255);
+        // The same pixels are told to be filmed: of a barrel those within its outline, of a pinhole all.
+        let filmed = UndistortMap::new(&k).filmed();
+        assert!(filmed.iter().zip(seen.pixels()).all(|(filmed, seen)| *filmed == (seen[0] == 255)));
+        assert!(filmed.iter().any(|filmed| !filmed));
 
         let mut out = GrayImage::new(k.width, k.height);
         let checker = GrayImage::from_fn(k.width, k.height, |u, v| Luma([((u * v) % 251) as u8]));
         let map = UndistortMap::new(&k.without_distortion());
         map.mask(&checker, &mut out);
-        assert!(map.is_identity() && out == checker);
+        assert!(map.is_identity() && out == checker && map.filmed() == vec![true; checker.len()]);
     }
 }

@@ -1,13 +1,14 @@
 //! One view at one resolution: the brightness image in which patches are compared, and its camera.
 
 use calib::Intrinsics;
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use wide::{f32x4, i32x4};
 
 use super::support::Pinhole;
 
-/// A brightness image with a one-pixel border repeated around it, so that interpolation needs no special cases.
+/// A brightness image with a one-pixel border repeated around it, so that interpolation needs no special cases. Pixels that the
+/// lens did not film, beside the picture of a distorted one, are NaN, and with them whatever is computed of them.
 #[derive(Debug, Clone)]
 pub(super) struct PyramidLevel {
     pub(super) width: usize,
@@ -20,13 +21,16 @@ pub(super) struct PyramidLevel {
 }
 
 impl PyramidLevel {
-    /// Converts a pinhole picture.
-    pub(super) fn new(picture: &RgbImage, intrinsics: &Intrinsics) -> Self {
+    /// Converts a pinhole picture; `filmed` tells which of its pixels the lens filmed.
+    pub(super) fn new(picture: &RgbImage, filmed: &[bool], intrinsics: &Intrinsics) -> Self {
         let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let gray = picture
+        let brightness =
+            |p: &Rgb<u8>| 0.299 * f32::from(p[0]) + 0.587 * f32::from(p[1]) + 0.114 * f32::from(p[2]);
+        let gray: Vec<f32> = picture
             .pixels()
-            .map(|p| 0.299 * f32::from(p[0]) + 0.587 * f32::from(p[1]) + 0.114 * f32::from(p[2]))
-            .collect::<Vec<f32>>();
+            .zip(filmed)
+            .map(|(pixel, filmed)| if *filmed { brightness(pixel) } else { f32::NAN })
+            .collect();
         Self::from_gray(width, height, &gray, intrinsics)
     }
 
@@ -73,6 +77,12 @@ impl PyramidLevel {
             distortion: intrinsics.distortion,
         };
         (Self::from_gray(width, height, &gray, &half), half)
+    }
+
+    /// Tells of each pixel, row by row, whether the lens filmed it.
+    pub(super) fn filmed(&self) -> Vec<bool> {
+        let row = |y| self.row(0, y, self.width).iter().map(|[value, _]| !value.is_nan());
+        (0..self.height).flat_map(row).collect()
     }
 
     /// Brightness of a pixel; coordinates are clamped to the image.
@@ -155,8 +165,10 @@ mod tests {
     fn interpolation_weighs_the_four_pixels_around_and_repeats_the_border() {
         let (width, height) = (20_u32, 10_u32);
         let gray = |x: u32, y: u32| (x * x * 37 + y * 91 + x * y * 13) % 251;
-        let picture = RgbImage::from_fn(width, height, |x, y| image::Rgb([gray(x, y) as u8; 3]));
-        let level = PyramidLevel::new(&picture, &Intrinsics::from_horizontal_fov(width, height, 60.0));
+        let picture = RgbImage::from_fn(width, height, |x, y| Rgb([gray(x, y) as u8; 3]));
+        let filmed = vec![true; picture.pixels().len()];
+        let level =
+            PyramidLevel::new(&picture, &filmed, &Intrinsics::from_horizontal_fov(width, height, 60.0));
         let pixel = |x: f64, y: f64| {
             let last = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as u32;
             f64::from(gray(last(x, width), last(y, height)))

@@ -53,6 +53,8 @@ pub struct DenseView {
     pub camera_from_reference: Isometry3<f64>,
     /// Plane of each pixel, reliable or not.
     pub map: SupportMap,
+    /// Whether the lens filmed each pixel: a distorted picture, straightened, does not fill its frame.
+    pub filmed: Vec<bool>,
     /// Number of other views that agree with each pixel's depth; 0: not reliable.
     pub agreeing: Vec<u8>,
     /// Change of inverse depth that shifts a pixel by one in the farthest view: the unit of stereo's errors.
@@ -78,7 +80,9 @@ impl DenseView {
 pub struct DenseReport {
     /// Key frames used, as indices into the capture.
     pub key_frames: Vec<usize>,
-    /// Share of the reference image with a reliable depth.
+    /// Number of the reference image's pixels that the lens filmed.
+    pub filmed: usize,
+    /// Share of them with a reliable depth.
     pub covered: f64,
 }
 
@@ -110,13 +114,14 @@ pub fn reconstruct(
         ));
     }
     let undistort = UndistortMap::new(capture.intrinsics);
+    let filmed = undistort.filmed();
     let pinhole = capture.intrinsics.pinhole();
     let mut views: Vec<StereoView> = Vec::with_capacity(frames.len() + 1);
     for &frame in std::iter::once(&capture.reference).chain(&frames) {
         let camera_from_reference =
             capture.camera_from_world[frame].map_or_else(Isometry3::identity, |pose| pose * to_reference);
         let picture = undistort.image(&capture.frames[frame]);
-        let mut levels = vec![(PyramidLevel::new(&picture, &pinhole), pinhole.clone())];
+        let mut levels = vec![(PyramidLevel::new(&picture, &filmed, &pinhole), pinhole.clone())];
         for halved in 0..options.halvings.max(1) {
             let (level, intrinsics) = &levels[halved];
             levels.push(level.halved(intrinsics));
@@ -128,7 +133,8 @@ pub fn reconstruct(
     }
     let maps = estimate_half(&views, options);
     let (reference_map, agreeing) = refine_reference(&views, &maps, &pinhole, options);
-    let covered = agreeing.iter().filter(|a| **a > 0).count() as f64 / agreeing.len().max(1) as f64;
+    let filmed = filmed.iter().filter(|filmed| **filmed).count();
+    let covered = agreeing.iter().filter(|a| **a > 0).count() as f64 / filmed.max(1) as f64;
 
     let key_agreeing: Vec<Vec<u8>> = (1..views.len())
         .map(|i| consistency::agreeing(&problem(&views, i, 1, Some(&maps), options), &maps[i], options))
@@ -142,6 +148,7 @@ pub fn reconstruct(
     let mut result = Vec::with_capacity(views.len());
     let mut maps = maps.into_iter().skip(1).zip(key_agreeing);
     for (i, view) in views.into_iter().enumerate() {
+        let filmed = view.levels[usize::from(i > 0)].0.filmed();
         let (map, agreeing, intrinsics, picture) = if i == 0 {
             (reference_map.clone(), agreeing.clone(), pinhole.clone(), view.picture)
         } else {
@@ -156,11 +163,12 @@ pub fn reconstruct(
             intrinsics,
             camera_from_reference: view.camera_from_reference,
             map,
+            filmed,
             agreeing,
             step: steps[i],
         });
     }
-    Ok((result, DenseReport { key_frames: frames, covered }))
+    Ok((result, DenseReport { key_frames: frames, filmed, covered }))
 }
 
 /// One view with its image pyramid.

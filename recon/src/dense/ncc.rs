@@ -16,7 +16,8 @@ const FOURS: usize = SAMPLES / 4;
 const ASIDE: [[[f32; 4]; FOURS]; 2] = by_fours();
 /// Patch radius, pixels.
 const RADIUS: f32 = 5.0;
-/// Cost of a hypothesis outside the source image, and of one for which no correlation can be computed.
+/// Cost of a hypothesis outside the source image or where it was not filmed, and of one for which no correlation can be
+/// computed.
 pub(super) const WORST: f32 = 2.0;
 
 /// Bilateral weights of the support, tabulated over the difference in brightness.
@@ -85,7 +86,8 @@ impl StereoPatch {
         Self::of_samples(x, y, table, reference.at(x as isize, y as isize), |i, j| at(OFFSETS[i], OFFSETS[j]))
     }
 
-    /// `value`: the sample at the i-th offset to the right and the j-th downwards; `None` outside the image.
+    /// `value`: the sample at the i-th offset to the right and the j-th downwards; `None` outside the image. A patch around a
+    /// pixel that was not filmed has a variance of NaN.
     #[inline]
     fn of_samples(
         x: usize,
@@ -99,7 +101,7 @@ impl StereoPatch {
         let (mut total, mut sum) = (0.0, 0.0);
         for j in 0..OFFSETS.len() {
             for i in 0..OFFSETS.len() {
-                let Some(value) = value(i, j) else { continue };
+                let Some(value) = value(i, j).filter(|value| !value.is_nan()) else { continue };
                 let k = j * OFFSETS.len() + i;
                 let difference = ((value - centre).abs() as usize).min(255);
                 let weight = table.by_difference[difference] * table.by_place[k];
@@ -108,7 +110,7 @@ impl StereoPatch {
                 sum += weight * value;
             }
         }
-        let (scale, mean) = (1.0 / total, sum / total);
+        let (scale, mean) = (1.0 / total, if centre.is_nan() { f32::NAN } else { sum / total });
         let mut centred = [0.0; SAMPLES];
         let mut variance = 0.0;
         for i in 0..SAMPLES {
@@ -126,7 +128,7 @@ impl StereoPatch {
     #[inline]
     pub(super) fn cost(&self, support: &Support, source: &PyramidLevel, pair: &ViewMapping) -> f32 {
         let [hx, hy, hz] = pair.map(self.u, self.v, support.w);
-        if hz <= 1e-6 {
+        if hz <= 1e-6 || self.variance.is_nan() {
             return WORST;
         }
         let inverse = 1.0 / hz;
@@ -176,7 +178,8 @@ impl StereoPatch {
         // Deviations below a grey level are noise; the constant gives flat patches the cost one instead of a random
         // one.
         let norm = (self.variance.max(0.05) * variance.max(0.05)).sqrt();
-        (1.0 - covariance / norm).clamp(0.0, WORST)
+        let cost = 1.0 - covariance / norm;
+        if cost.is_nan() { WORST } else { cost.clamp(0.0, WORST) }
     }
 }
 
@@ -205,7 +208,8 @@ mod tests {
         };
         let source_from_reference = Isometry3::translation(-0.3, 0.0, 0.0);
         let pair = ViewMapping::new(&k, &k, &source_from_reference);
-        (PyramidLevel::new(&seen_from(0.0), &k), PyramidLevel::new(&seen_from(0.3), &k), pair, k)
+        let level = |picture| PyramidLevel::new(&picture, &[true; 160 * 120], &k);
+        (level(seen_from(0.0)), level(seen_from(0.3)), pair, k)
     }
 
     #[test]
@@ -232,5 +236,28 @@ mod tests {
         assert!(patch.cost(&near, &source, &pair) >= WORST);
         let behind = Support { w: f32::NAN, gu: 0.0, gv: 0.0 };
         assert!(patch.cost(&behind, &source, &pair) >= WORST);
+    }
+
+    #[test]
+    fn what_was_not_filmed_matches_nothing() {
+        let k = Intrinsics::from_horizontal_fov(160, 120, 60.0);
+        let here = ViewMapping::new(&k, &k, &Isometry3::identity());
+        let picture = RgbImage::from_fn(160, 120, |u, v| Rgb([(7 * u + 3 * v + u * v / 5) as u8; 3]));
+        // The lens's picture ends at column 80.
+        let ends: Vec<bool> = (0..160 * 120).map(|i| i % 160 < 80).collect();
+        let [whole, ending] =
+            [&[true; 160 * 120][..], &ends].map(|filmed| PyramidLevel::new(&picture, filmed, &k));
+        let wall = Support { w: 0.25, gu: 0.0, gv: 0.0 };
+        let cost = |x, reference, source| {
+            StereoPatch::new(reference, x, 60, &Weights::new(24.0)).cost(&wall, source, &here)
+        };
+        for x in [0, 40, 70] {
+            assert!(cost(x, &ending, &ending) < 1e-3 && cost(x, &whole, &ending) < 1e-3, "{x}");
+        }
+        // The pixel before the end is compared by the half of its patch that was filmed, with a view that shows it whole.
+        assert!(cost(79, &ending, &whole) < 1e-3 && cost(79, &whole, &ending) >= WORST);
+        for x in [80, 82, 120, 159] {
+            assert!(cost(x, &ending, &whole) >= WORST && cost(x, &whole, &ending) >= WORST, "{x}");
+        }
     }
 }

@@ -191,6 +191,7 @@ mod tests {
             intrinsics: k,
             camera_from_reference: Isometry3::translation(-f64::from(x), 0.0, 0.0),
             map: SupportMap { width: 160, height: 120, costs: vec![0.1; supports.len()], supports },
+            filmed: vec![true; 160 * 120],
             agreeing: vec![3; 160 * 120],
             step: STEP,
         }

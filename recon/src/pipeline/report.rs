@@ -123,7 +123,7 @@ pub struct CameraReport {
     pub doubts: Vec<String>,
     /// Frames matched densely, by their numbers in the film, counted from 1.
     pub key_frames: Vec<usize>,
-    /// Share of the reference image's pixels that stereo measured.
+    /// Share of the reference image's pixels, straightened, that stereo measured.
     pub measured_share: f64,
     /// Share of the pixels that was filled in.
     pub filled_share: f64,
@@ -192,7 +192,7 @@ impl CameraReport {
     pub(super) fn with_depth(self, sampled: Sampled, dense: &DenseReport, surface: &Surface) -> Self {
         let share = |origin: DepthOrigin| {
             let count = surface.origin.iter().filter(|o| **o == origin).count();
-            count as f64 / surface.origin.len().max(1) as f64
+            count as f64 / dense.filmed.max(1) as f64
         };
         Self {
             key_frames: dense.key_frames.iter().map(|f| sampled.number(*f)).collect(),

@@ -104,6 +104,7 @@ mod tests {
                 f64::from(-eye.y),
                 f64::from(-eye.z),
             ),
+            filmed: vec![true; supports.len()],
             agreeing: vec![4; supports.len()],
             map: SupportMap { width: SIZE.0, height: SIZE.1, supports, costs },
             step: step(),

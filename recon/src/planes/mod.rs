@@ -115,7 +115,7 @@ pub struct Completed {
 pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<Completed> {
     let view = views.first()?;
     let mut surface = Surface::from_view(view);
-    let total = surface.depth.len().max(1) as f64;
+    let total = view.filmed.iter().filter(|filmed| **filmed).count().max(1) as f64;
     let share = |count: usize| count as f64 / total;
     let known = |s: &Surface| s.depth.iter().filter(|z| **z > 0.0).count();
     let measured = known(&surface);
@@ -136,7 +136,7 @@ pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<Completed
     let rims = rims::forget(&mut surface, &planes, &labels, &cells, view.step, options);
     let forgotten = measured - known(&surface);
     let on_planes = snap(&mut surface, &planes, &labels);
-    let filled = spread::fill(&mut surface, &planes, &labels, &witnesses, options);
+    let filled = spread::fill(&mut surface, &view.filmed, &planes, &labels, &witnesses, options);
     rims.confirm(&mut surface, view.step, options);
     let report = PlaneReport {
         planes: planes.len(),

@@ -21,15 +21,16 @@ enum Seed {
     Pixel(u32),
 }
 
-/// Fills unknown pixels; returns their number.
+/// Fills unknown pixels that were filmed; returns their number.
 pub(super) fn fill(
     surface: &mut Surface,
+    filmed: &[bool],
     planes: &[ImagePlane],
     labels: &[Option<u16>],
     witnesses: &Witnesses<'_>,
     options: &PlaneOptions,
 ) -> usize {
-    let seeds = reached(surface, planes, labels, options);
+    let seeds = reached(surface, filmed, planes, labels, options);
     let (width, camera) = (surface.width(), surface.pinhole());
     let nearest = nearest_depth(surface);
     let mut filled = 0;
@@ -86,9 +87,10 @@ fn nearest_enclosing(planes: &[ImagePlane], u: f32, v: f32) -> Option<Support> {
         .filter(|s| s.w > 0.0)
 }
 
-/// Seed that reaches each pixel at the least cost, within its reach.
+/// Seed that reaches each filmed pixel at the least cost, within its reach.
 fn reached(
     surface: &Surface,
+    filmed: &[bool],
     planes: &[ImagePlane],
     labels: &[Option<u16>],
     options: &PlaneOptions,
@@ -132,7 +134,7 @@ fn reached(
             continue;
         }
         let Some(seed) = seeds[i] else { continue };
-        for j in neighbours(i, width, height).filter(|j| surface.depth[*j] <= 0.0) {
+        for j in neighbours(i, width, height).filter(|j| surface.depth[*j] <= 0.0 && filmed[*j]) {
             let step = UNIT * (1.0 + options.edge_cost * colour_step(surface, i, j));
             let next = cost.saturating_add(step as u32);
             if next < costs[j] && next as f32 <= UNIT * reach(&seed) {

@@ -65,7 +65,8 @@ fn view(unknown: impl Fn(usize, usize) -> bool) -> DenseView {
     let costs = vec![0.1; supports.len()];
     let map = SupportMap { width: WIDTH, height: HEIGHT, supports, costs };
     let camera_from_reference = Isometry3::identity();
-    DenseView { picture, intrinsics: intrinsics(), camera_from_reference, map, agreeing, step: STEP }
+    let filmed = vec![true; WIDTH * HEIGHT];
+    DenseView { picture, intrinsics: intrinsics(), camera_from_reference, map, filmed, agreeing, step: STEP }
 }
 
 fn relative_error(surface: &Surface, x: usize, y: usize) -> f32 {
@@ -204,7 +205,8 @@ fn planes_continued_behind_the_shell_are_set_onto_it() {
     let fill = |encloses: bool| {
         let mut surface = surface.clone();
         let planes = [with(plane, false, true), with(shell, encloses, false)];
-        spread::fill(&mut surface, &planes, &labels, &witness::Witnesses::new(&[]), &PlaneOptions::default());
+        let (alone, options) = (witness::Witnesses::new(&[]), PlaneOptions::default());
+        spread::fill(&mut surface, &[true; WIDTH * HEIGHT], &planes, &labels, &alone, &options);
         surface
     };
     let (clipped, free) = (fill(true), fill(false));
@@ -227,11 +229,25 @@ fn an_opposite_plane_goes_on_and_a_small_one_only_a_little() {
     for (opposite, reach) in [(false, 12), (true, 90)] {
         let mut surface = surface.clone();
         let planes = [with(plane, false, opposite)];
-        spread::fill(&mut surface, &planes, &labels, &witness::Witnesses::new(&[]), &options);
+        let alone = witness::Witnesses::new(&[]);
+        spread::fill(&mut surface, &[true; WIDTH * HEIGHT], &planes, &labels, &alone, &options);
         for x in 11..WIDTH {
             let known = surface.depth[60 * WIDTH + x] > 0.0;
             assert_eq!(known, x - 10 <= reach, "{opposite}: {x}");
         }
+    }
+}
+
+#[test]
+fn planes_end_where_nothing_was_filmed() {
+    /// First column and row beside the lens's picture.
+    const END: usize = 50;
+    let (mut surface, plane, labels) = a_line_of(WALL.0);
+    let filmed: Vec<bool> = (0..WIDTH * HEIGHT).map(|i| i % WIDTH < END).collect();
+    let (alone, options) = (witness::Witnesses::new(&[]), PlaneOptions::default());
+    spread::fill(&mut surface, &filmed, &[with(plane, true, true)], &labels, &alone, &options);
+    for (i, filmed) in filmed.iter().enumerate().filter(|(i, _)| i % WIDTH > 10) {
+        assert_eq!(surface.depth[i] > 0.0, *filmed, "{}, {}", i % WIDTH, i / WIDTH);
     }
 }
 
