@@ -9,7 +9,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::PlaneOptions;
 use super::local::{CELL, Cells};
-use crate::dense::Support;
+use crate::dense::{Pinhole, Support};
 use crate::surface::Surface;
 
 /// A plane as a function of the pixel: `1/z = a u + b v + c`.
@@ -28,7 +28,7 @@ pub struct ImagePlane {
 
 impl ImagePlane {
     /// Plane with this unit normal towards the camera, at this distance from it, that bounds the room.
-    pub(super) fn facing(normal: Vec3, distance: f32, camera: &crate::dense::Pinhole, pixels: usize) -> Self {
+    pub(super) fn facing(normal: Vec3, distance: f32, camera: &Pinhole, pixels: usize) -> Self {
         // On the plane −normal · ray · z = distance.
         let scaled = -normal / distance;
         let (a, b) = (scaled.x / camera.fx, scaled.y / camera.fy);
@@ -39,6 +39,12 @@ impl ImagePlane {
     /// Inverse depth at a pixel; not positive where the ray does not hit the plane.
     pub fn at(&self, u: f32, v: f32) -> f32 {
         self.coefficients[0] * u + self.coefficients[1] * v + self.coefficients[2]
+    }
+
+    /// Distance from the camera.
+    pub(super) fn distance(&self, camera: &Pinhole) -> f32 {
+        let [a, b, c] = self.coefficients;
+        1.0 / Vec3::new(a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c).length()
     }
 
     /// Tells whether a surface at a pixel at this depth lies behind the plane, by more than stereo's noise. `step`:
@@ -120,11 +126,7 @@ pub(super) fn planes(surface: &Surface, cells: &Cells, step: f32, options: &Plan
     found
 }
 
-fn least_squares(
-    members: &[&(usize, Support, Vec3)],
-    cells: &Cells,
-    camera: &crate::dense::Pinhole,
-) -> Option<ImagePlane> {
+fn least_squares(members: &[&(usize, Support, Vec3)], cells: &Cells, camera: &Pinhole) -> Option<ImagePlane> {
     let (mut normal, mut right) = (Matrix3::<f64>::zeros(), Vector3::<f64>::zeros());
     for (cell, support, _) in members {
         let (u, v) = cells.middle(*cell);

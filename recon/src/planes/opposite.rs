@@ -22,9 +22,11 @@ const LARGEST_BEHIND: f32 = 0.1;
 const NOISE_PX: f32 = 2.5;
 /// Half width of the window in which distances agree, in logarithms: a share of the distance.
 const WINDOW: f32 = 0.04;
+/// Share of the agreeing pixels from which on a plane that was found there is measured well enough itself.
+const MEASURED: f32 = 0.4;
 
-/// Adds, for each direction, the plane opposite to the largest enclosing one, where pixels support one; planes found
-/// there before are removed.
+/// Adds, for each direction, the plane opposite to the largest enclosing one, where pixels support one and neighbourhoods of
+/// their own do not: a wide lens shows both floor and ceiling well. Poorer planes found there before are removed.
 pub(super) fn add(surface: &Surface, planes: &mut Vec<ImagePlane>, step: f32, options: &PlaneOptions) {
     let alike = options.facing_deg.to_radians().cos();
     let mut known: Vec<ImagePlane> = planes.iter().copied().filter(|p| p.encloses).collect();
@@ -35,10 +37,18 @@ pub(super) fn add(surface: &Surface, planes: &mut Vec<ImagePlane>, step: f32, op
             continue;
         }
         directions.push(side.normal);
-        if let Some(plane) = opposite(surface, side.normal, step, options) {
-            planes.retain(|p| p.normal.dot(plane.normal) < alike || p.pixels > plane.pixels);
-            planes.push(plane);
+        let Some(plane) = opposite(surface, side.normal, step, options) else { continue };
+        let camera = surface.pinhole();
+        let is_measured = |p: &ImagePlane| {
+            p.normal.dot(plane.normal) >= alike
+                && (p.distance(&camera) / plane.distance(&camera)).ln().abs() <= WINDOW
+                && p.pixels as f32 >= MEASURED * plane.pixels as f32
+        };
+        if planes.iter().any(is_measured) {
+            continue;
         }
+        planes.retain(|p| p.normal.dot(plane.normal) < alike || p.pixels > plane.pixels);
+        planes.push(plane);
     }
 }
 
@@ -176,6 +186,27 @@ mod tests {
             let found_m = -DOWN.dot(top) / ceiling.at(80.0, 0.0);
             assert!((found_m / ceiling_m - 1.0).abs() < 0.01, "{found_m} {ceiling_m}");
         }
+    }
+
+    #[test]
+    fn a_floor_that_is_measured_stays_so_under_a_ceiling_that_is_larger() {
+        let (surface, planes) = room(1.3);
+        let [wall, floor] = planes[..] else { panic!("{planes:?}") };
+        let camera = surface.pinhole();
+        let ceiling = ImagePlane::facing(DOWN, 1.3, &camera, 9000);
+        // Its neighbourhoods are fewer than its pixels, and it is not quite opposite.
+        let tilted = (-DOWN + 0.01 * Vec3::X).normalize();
+        let seen = surface.normal.iter().filter(|normal| **normal == -DOWN).count();
+        let floor_found =
+            |share: f32| ImagePlane::facing(tilted, FLOOR_M, &camera, (share * seen as f32) as usize);
+        let mut known = vec![wall, ceiling, floor_found(0.6)];
+        add(&surface, &mut known, STEP, &PlaneOptions::default());
+        assert_eq!(known[1..3], [ceiling, floor_found(0.6)]);
+        // One found in a few places alone gives way to that which is parallel to the ceiling.
+        let mut poor = vec![wall, ceiling, floor_found(0.1)];
+        add(&surface, &mut poor, STEP, &PlaneOptions::default());
+        let below: Vec<_> = poor.iter().filter(|p| p.normal.dot(floor.normal) > 0.9).collect();
+        assert!(below.len() == 1 && below[0].normal.dot(-DOWN) > 0.99999, "{below:?}");
     }
 
     #[test]
