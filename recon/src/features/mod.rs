@@ -16,7 +16,7 @@ mod turn;
 use calib::Intrinsics;
 use calib::vision::flow::{self, FlowPyramid};
 use image::RgbImage;
-use nalgebra::{Matrix2, Point2};
+use nalgebra::{Matrix2, Point2, UnitQuaternion};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -148,6 +148,9 @@ impl FrameImages {
 }
 
 /// Carries features from one frame to the next; lost ones end.
+///
+/// Where most are lost the camera's turn may be a wrong guess: something near, which has come before the camera, moves the picture as
+/// a whole. Then they are also looked for where they were.
 fn carry(
     live: Vec<Feature>,
     from: &FrameImages,
@@ -155,22 +158,45 @@ fn carry(
     intrinsics: &Intrinsics,
     options: &FeatureOptions,
 ) -> Result<Vec<Feature>> {
-    let rotation = from.coarse.turn_to(&to.coarse);
-    let carried_by_turn = |p: &Point2<f64>| turn::moved(p, intrinsics, &rotation);
-    let guesses: Vec<Warp> = live
-        .iter()
-        .map(|feature| {
-            let warp = feature.warp;
-            let near = |dx, dy| carried_by_turn(&(warp.center + nalgebra::Vector2::new(dx, dy)));
-            match (near(0.0, 0.0), near(1.0, 0.0), near(0.0, 1.0)) {
-                (Some(center), Some(right), Some(below)) => {
-                    let local = Matrix2::from_columns(&[right - center, below - center]);
-                    Warp { center, affine: local * warp.affine }
-                }
-                _ => warp,
+    let turn = from.coarse.turn_to(&to.coarse);
+    let turned = carried(&live, &guesses(&live, intrinsics, &turn), from, to, options)?;
+    let count = |found: &[Option<Warp>]| found.iter().flatten().count();
+    let found = if 2 * count(&turned) >= live.len() {
+        turned
+    } else {
+        let resting: Vec<Warp> = live.iter().map(|feature| feature.warp).collect();
+        let rested = carried(&live, &resting, from, to, options)?;
+        if count(&rested) > count(&turned) { rested } else { turned }
+    };
+    let moved = |(feature, warp): (Feature, Option<Warp>)| Some(Feature { warp: warp?, ..feature });
+    Ok(live.into_iter().zip(found).filter_map(moved).collect())
+}
+
+/// The features' warps after a turn of the camera.
+fn guesses(live: &[Feature], intrinsics: &Intrinsics, turn: &UnitQuaternion<f64>) -> Vec<Warp> {
+    let carried_by_turn = |p: &Point2<f64>| turn::moved(p, intrinsics, turn);
+    let guess = |feature: &Feature| {
+        let warp = feature.warp;
+        let near = |dx, dy| carried_by_turn(&(warp.center + nalgebra::Vector2::new(dx, dy)));
+        match (near(0.0, 0.0), near(1.0, 0.0), near(0.0, 1.0)) {
+            (Some(center), Some(right), Some(below)) => {
+                let local = Matrix2::from_columns(&[right - center, below - center]);
+                Warp { center, affine: local * warp.affine }
             }
-        })
-        .collect();
+            _ => warp,
+        }
+    };
+    live.iter().map(guess).collect()
+}
+
+/// The features' warps in the next frame, looked for from guesses of them; `None` for lost ones.
+fn carried(
+    live: &[Feature],
+    guesses: &[Warp],
+    from: &FrameImages,
+    to: &FrameImages,
+    options: &FeatureOptions,
+) -> Result<Vec<Option<Warp>>> {
     let starts: Vec<Point2<f64>> = live.iter().map(|f| f.warp.center).collect();
     let aims: Vec<Point2<f64>> = guesses.iter().map(|g| g.center).collect();
     let ends = flow::follow(&from.pyramid, &to.pyramid, &starts, &aims)?;
@@ -180,14 +206,13 @@ fn carry(
         ends[index].is_some()
             && back[index].is_some_and(|p| (p - starts[index]).norm() <= options.max_return_px)
     };
-    let carried = live.into_par_iter().zip(guesses).enumerate().map(|(index, (feature, guess))| {
+    let found = live.par_iter().zip(guesses).enumerate().map(|(index, (feature, guess))| {
         let start = Warp { center: reached[index], affine: guess.affine };
         let found = returned(index).then(|| feature.patch.register(&to.intensity, &start))??;
         let agrees = (found.warp.center - reached[index]).norm() <= options.max_disagreement_px;
-        (agrees && found.correlation >= options.min_correlation)
-            .then_some(Feature { warp: found.warp, ..feature })
+        (agrees && found.correlation >= options.min_correlation).then_some(found.warp)
     });
-    Ok(carried.collect::<Vec<_>>().into_iter().flatten().collect())
+    Ok(found.collect())
 }
 
 /// New features at corners without a feature, spread over a grid.
@@ -229,4 +254,49 @@ fn births(seen: &FrameImages, live: &[Feature], options: &FeatureOptions) -> Res
         }
     }
     Ok(born)
+}
+
+#[cfg(test)]
+mod tests {
+    use image::Rgb;
+
+    use super::*;
+
+    const SIZE: (u32, u32) = (320, 240);
+    /// Motion of the wall between two frames, pixels.
+    const MOVED: (f64, f64) = (-7.0, 2.0);
+
+    /// A light wall with spots of many sizes, moved, behind a dark board that covers all right of a slanted line.
+    fn frame(moved: (f64, f64), board_from: f64) -> RgbImage {
+        let spots = |x: f64, y: f64| -> f64 {
+            let wave = |k: f64, turn: f64| (k * (x * turn.cos() + y * turn.sin()) + 7.0 * turn).sin();
+            (0..12).map(|i| wave(0.05 + 0.045 * f64::from(i), 2.4 * f64::from(i))).sum()
+        };
+        RgbImage::from_fn(SIZE.0, SIZE.1, |u, v| {
+            let (x, y) = (f64::from(u), f64::from(v));
+            let level = if x > board_from - 0.4 * y {
+                30.0 + 2.0 * (0.3 * y).sin()
+            } else {
+                170.0 + 12.0 * spots(x - moved.0, y - moved.1)
+            };
+            Rgb([level.clamp(0.0, 255.0) as u8; 3])
+        })
+    }
+
+    #[test]
+    fn a_wall_is_followed_when_something_near_comes_before_it() {
+        let frames = [frame((0.0, 0.0), 310.0), frame(MOVED, 215.0)];
+        let lens = Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, 70.0);
+        let (tracks, _) = track(&frames, &lens, &FeatureOptions::default()).unwrap();
+        let seen_still = |p: &Point2<f64>| p.x > 20.0 && p.x < 195.0 - 0.4 * p.y;
+        let first =
+            |track: &&FeatureTrack| track.observations[0].0 == 0 && seen_still(&track.observations[0].1);
+        let followed: Vec<_> = tracks.iter().filter(first).collect();
+        let is_right = |track: &&&FeatureTrack| {
+            let moved = track.observations[1].1 - track.observations[0].1;
+            (moved - nalgebra::Vector2::new(MOVED.0, MOVED.1)).norm() < 0.2
+        };
+        let right = followed.iter().filter(is_right).count();
+        assert!(right > 60 && 20 * right > 19 * followed.len(), "{right} of {} right", followed.len());
+    }
 }
