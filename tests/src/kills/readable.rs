@@ -38,12 +38,13 @@ pub(crate) fn unreadable(out: &Path) -> (Vec<String>, f64) {
             Some("mp4") if shown.contains(".remuxed.") => None,
             Some("mp4") => match (frames_of(&path), shown.contains(".partial.")) {
                 (frames, true) => {
-                    // Both are of this run.
                     let run = name.parent().and_then(Path::parent).unwrap_or(Path::new(""));
-                    let rows =
-                        std::fs::read_to_string(out.join(run).join("tracks.jsonl")).unwrap_or_default();
-                    let behind = rows.lines().count() as f64 - frames.unwrap_or(0) as f64;
-                    lost_s = lost_s.max(behind / RATE_HZ);
+                    let rows = out.join(run).join("tracks.jsonl");
+                    if !is_older(&rows, &path) {
+                        let rows = std::fs::read_to_string(rows).unwrap_or_default();
+                        let behind = rows.lines().count() as f64 - frames.unwrap_or(0) as f64;
+                        lost_s = lost_s.max(behind / RATE_HZ);
+                    }
                     None
                 }
                 (Err(error), false) => Some(error),
@@ -54,6 +55,13 @@ pub(crate) fn unreadable(out: &Path) -> (Vec<String>, f64) {
         faults.extend(problem.map(|problem| format!("{shown}: {problem}")));
     }
     (faults, lost_s)
+}
+
+/// Tells whether rows are of an earlier run than a film: last written before the film was begun. A run begins its films first.
+fn is_older(rows: &Path, film: &Path) -> bool {
+    let written = rows.metadata().and_then(|rows| rows.modified());
+    let begun = film.metadata().and_then(|film| film.created());
+    matches!((written, begun), (Ok(written), Ok(begun)) if written < begun)
 }
 
 /// Number of frames that can be read of a film.
