@@ -21,6 +21,7 @@
 //! * [`board`] — a calibration board, drawn into pictures.
 //! * [`broker`] — a real MQTT broker, and a subscriber.
 //! * [`turned_camera`] — a run in which a camera turns.
+//! * [`watched_room`] — hours before a camera that nobody touches.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 
@@ -46,3 +47,4 @@ pub mod readers;
 pub mod relocation;
 pub mod spoilt;
 pub mod turned_camera;
+pub mod watched_room;
