@@ -208,7 +208,7 @@ mod tests {
         };
         let source_from_reference = Isometry3::translation(-0.3, 0.0, 0.0);
         let pair = ViewMapping::new(&k, &k, &source_from_reference);
-        let level = |picture| PyramidLevel::new(&picture, &[true; 160 * 120], &k);
+        let level = |picture| PyramidLevel::new(&picture, &vec![true; 160 * 120], &k);
         (level(seen_from(0.0)), level(seen_from(0.3)), pair, k)
     }
 
@@ -246,7 +246,7 @@ mod tests {
         // The lens's picture ends at column 80.
         let ends: Vec<bool> = (0..160 * 120).map(|i| i % 160 < 80).collect();
         let [whole, ending] =
-            [&[true; 160 * 120][..], &ends].map(|filmed| PyramidLevel::new(&picture, filmed, &k));
+            [vec![true; 160 * 120], ends].map(|filmed| PyramidLevel::new(&picture, &filmed, &k));
         let wall = Support { w: 0.25, gu: 0.0, gv: 0.0 };
         let cost = |x, reference, source| {
             StereoPatch::new(reference, x, 60, &Weights::new(24.0)).cost(&wall, source, &here)

@@ -206,7 +206,7 @@ fn planes_continued_behind_the_shell_are_set_onto_it() {
         let mut surface = surface.clone();
         let planes = [with(plane, false, true), with(shell, encloses, false)];
         let (alone, options) = (witness::Witnesses::new(&[]), PlaneOptions::default());
-        spread::fill(&mut surface, &[true; WIDTH * HEIGHT], &planes, &labels, &alone, &options);
+        spread::fill(&mut surface, &vec![true; WIDTH * HEIGHT], &planes, &labels, &alone, &options);
         surface
     };
     let (clipped, free) = (fill(true), fill(false));
@@ -230,7 +230,7 @@ fn an_opposite_plane_goes_on_and_a_small_one_only_a_little() {
         let mut surface = surface.clone();
         let planes = [with(plane, false, opposite)];
         let alone = witness::Witnesses::new(&[]);
-        spread::fill(&mut surface, &[true; WIDTH * HEIGHT], &planes, &labels, &alone, &options);
+        spread::fill(&mut surface, &vec![true; WIDTH * HEIGHT], &planes, &labels, &alone, &options);
         for x in 11..WIDTH {
             let known = surface.depth[60 * WIDTH + x] > 0.0;
             assert_eq!(known, x - 10 <= reach, "{opposite}: {x}");
