@@ -1,11 +1,13 @@
 //! Watch over a camera's pose during a run: has it turned since the run's first picture?
 //!
-//! Each look follows corners of the first picture into the present one (optical flow, milliseconds). People, shadows and a
-//! moved chair leave most other corners where they were; only where few are is the present picture compared with the
-//! first one by its keypoints, as films are with reference pictures before a run. A camera has turned when most matches
-//! agree on one rotation, and few on none.
+//! Each look follows corners of the first picture into the present one (optical flow, milliseconds). Optical flow takes a change of
+//! brightness for motion, so both pictures are first divided by their mean around each pixel: what is left is the same by day and
+//! by lamplight. People, shadows and a moved chair leave most other corners where they were; only where few are is the present
+//! picture compared with the first one by its keypoints, as films are with reference pictures before a run. A camera has turned when
+//! most matches agree on one rotation, and few on none.
 
 use calib::Intrinsics;
+use calib::vision::Morphology;
 use calib::vision::flow::{self, FlowPyramid};
 use image::{GrayImage, RgbImage};
 use nalgebra::{Point2, UnitQuaternion};
@@ -24,6 +26,10 @@ const APART_PX: f64 = 14.0;
 /// Quality of a corner relative to the strongest, and the side of the window of its gradients, pixels.
 const QUALITY: f64 = 0.01;
 const BLOCK_PX: u32 = 5;
+/// Half the side of the square over which a pixel's surroundings are averaged, less half a pixel, and the level of a pixel that is as
+/// bright as they are.
+const AROUND_PX: u32 = 10;
+const EVEN_LEVEL: u32 = 96;
 /// Window and depth of the flow.
 const WINDOW_PX: u32 = 15;
 const DEPTH: u32 = 3;
@@ -166,13 +172,13 @@ impl FirstPicture {
         if corners.len() < LEAST_CORNERS {
             return Ok(None);
         }
-        let pyramid = FlowPyramid::new(&grey, WINDOW_PX, DEPTH)?;
+        let pyramid = FlowPyramid::new(&evenly_lit(&grey)?, WINDOW_PX, DEPTH)?;
         Ok(Some(Self { grey, corners, pyramid, landmarks: None }))
     }
 
     /// Whether enough corners are where they were.
     fn is_like(&self, now: &GrayImage, lens: &Intrinsics) -> Result<bool> {
-        let there = FlowPyramid::new(now, WINDOW_PX, DEPTH)?;
+        let there = FlowPyramid::new(&evenly_lit(now)?, WINDOW_PX, DEPTH)?;
         let ends = flow::follow(&self.pyramid, &there, &self.corners, &self.corners)?;
         let limit_px = UNMOVED_PART * lens.fx * TURNED_DEG.to_radians().tan();
         let is_unmoved = |(start, end): (&Point2<f64>, &Option<Point2<f64>>)| {
@@ -190,5 +196,63 @@ impl FirstPicture {
         };
         let agreement = own.agreement(&Landmarks::of(now, lens)?);
         Ok(views::is_turned(&agreement).then_some(agreement.film_from_reference))
+    }
+}
+
+/// The picture divided by the mean around each pixel: light that changes smoothly over the picture leaves it as it is.
+fn evenly_lit(grey: &GrayImage) -> Result<GrayImage> {
+    let mut even = GrayImage::default();
+    Morphology::default().box_blur(grey, AROUND_PX, &mut even)?;
+    for (around, level) in even.iter_mut().zip(grey.iter()) {
+        // One more of both: a black picture is evenly lit, too.
+        let ratio = EVEN_LEVEL * (u32::from(*level) + 1) / (u32::from(*around) + 1);
+        *around = ratio.min(u32::from(u8::MAX)) as u8;
+    }
+    Ok(even)
+}
+
+#[cfg(test)]
+mod tests {
+    use image::Luma;
+
+    use super::*;
+
+    const SIZE: (u32, u32) = (320, 240);
+
+    fn lens() -> Intrinsics {
+        Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, 70.0)
+    }
+
+    /// Tiles of random brightness, moved, in a light by column, with a little noise of its own.
+    fn picture(moved_px: f64, light: impl Fn(u32) -> f64, grain: u32) -> GrayImage {
+        let hash = |x: u32, y: u32| f64::from((x * 7919 + y * 104_729).wrapping_mul(2_654_435_761) >> 24);
+        // A tile's edge is as soft as a lens makes it.
+        let tiles = |x: f64, y: f64| {
+            let (left, part) = ((x / 12.0).floor(), ((x / 12.0).fract() * 12.0).min(1.0));
+            let of = |column: f64| hash(column as u32 + 7, (y / 12.0) as u32 + 3);
+            40.0 + 0.5 * (part * of(left) + (1.0 - part) * of(left - 1.0))
+        };
+        GrayImage::from_fn(SIZE.0, SIZE.1, |u, v| {
+            let noise = hash(u + 1000 * grain, v) / 64.0 - 2.0;
+            let level = light(u) * tiles(f64::from(u) + 100.0 - moved_px, f64::from(v)) + noise;
+            Luma([level.clamp(0.0, 255.0) as u8])
+        })
+    }
+
+    #[test]
+    fn corners_stay_where_they_are_in_any_light() {
+        let first = FirstPicture::of(picture(0.0, |_| 1.0, 1)).unwrap().unwrap();
+        let is_like = |now: &GrayImage| first.is_like(now, &lens()).unwrap();
+        for factor in [0.35, 0.6, 0.8, 1.0, 1.3] {
+            assert!(is_like(&picture(0.0, |_| factor, 2)), "{factor}");
+            assert!(is_like(&picture(0.0, |u| if u < 160 { 0.55 * factor } else { factor }, 3)), "{factor}");
+        }
+        // What a turn of a third of a degree and of two degrees moves is no light.
+        for turned_deg in [0.33_f64, 2.0] {
+            let moved_px = lens().fx * turned_deg.to_radians().tan();
+            for factor in [0.6, 1.0, 1.3] {
+                assert!(!is_like(&picture(moved_px, |_| factor, 4)), "{turned_deg}° at {factor}");
+            }
+        }
     }
 }
