@@ -81,7 +81,7 @@ pub struct DenseReport {
     /// Key frames used, as indices into the capture.
     pub key_frames: Vec<usize>,
     /// Number of the reference image's pixels that the lens filmed.
-    pub filmed: usize,
+    pub filmed_pixels: usize,
     /// Share of them with a reliable depth.
     pub covered: f64,
 }
@@ -133,8 +133,8 @@ pub fn reconstruct(
     }
     let maps = estimate_half(&views, options);
     let (reference_map, agreeing) = refine_reference(&views, &maps, &pinhole, options);
-    let filmed = filmed.iter().filter(|filmed| **filmed).count();
-    let covered = agreeing.iter().filter(|a| **a > 0).count() as f64 / filmed.max(1) as f64;
+    let filmed_pixels = filmed.iter().filter(|filmed| **filmed).count();
+    let covered = agreeing.iter().filter(|a| **a > 0).count() as f64 / filmed_pixels.max(1) as f64;
 
     let key_agreeing: Vec<Vec<u8>> = (1..views.len())
         .map(|i| consistency::agreeing(&problem(&views, i, 1, Some(&maps), options), &maps[i], options))
@@ -168,7 +168,7 @@ pub fn reconstruct(
             step: steps[i],
         });
     }
-    Ok((result, DenseReport { key_frames: frames, filmed, covered }))
+    Ok((result, DenseReport { key_frames: frames, filmed_pixels, covered }))
 }
 
 /// One view with its image pyramid.

@@ -58,7 +58,7 @@ fn depth_of_a_rendered_room(
             within[2] += f64::from(shift < 2.0);
         }
     }
-    let known_share = known / report.filmed as f64;
+    let known_share = known / report.filmed_pixels as f64;
     let within = within.map(|count| count / known);
     assert!((report.covered - known_share).abs() < 1e-9);
     (views, known_share, within)

@@ -149,8 +149,8 @@ impl FrameImages {
 
 /// Carries features from one frame to the next; lost ones end.
 ///
-/// Where most are lost the camera's turn may be a wrong guess: something near, which has come before the camera, moves the picture as
-/// a whole. Then they are also looked for where they were.
+/// The turn is estimated from the whole picture, so a near object that covers most of it, and moves in it otherwise than the room,
+/// makes it wrong. Where most features are lost they are therefore also looked for at their old pixels.
 fn carry(
     live: Vec<Feature>,
     from: &FrameImages,

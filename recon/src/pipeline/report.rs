@@ -192,7 +192,7 @@ impl CameraReport {
     pub(super) fn with_depth(self, sampled: Sampled, dense: &DenseReport, surface: &Surface) -> Self {
         let share = |origin: DepthOrigin| {
             let count = surface.origin.iter().filter(|o| **o == origin).count();
-            count as f64 / dense.filmed.max(1) as f64
+            count as f64 / dense.filmed_pixels.max(1) as f64
         };
         Self {
             key_frames: dense.key_frames.iter().map(|f| sampled.number(*f)).collect(),

@@ -22,11 +22,11 @@ const LARGEST_BEHIND: f32 = 0.1;
 const NOISE_PX: f32 = 2.5;
 /// Half width of the window in which distances agree, in logarithms: a share of the distance.
 const WINDOW: f32 = 0.04;
-/// Share of the agreeing pixels from which on a plane that was found there is measured well enough itself.
+/// Size of a plane that was found there by its own neighbourhoods, as a share of the agreeing pixels, from which on it is kept.
 const MEASURED: f32 = 0.4;
 
-/// Adds, for each direction, the plane opposite to the largest enclosing one, where pixels support one and neighbourhoods of
-/// their own do not: a wide lens shows both floor and ceiling well. Poorer planes found there before are removed.
+/// Adds, for each direction, the plane opposite to the largest enclosing one, where pixels support one. A plane that was found there
+/// before is kept instead where it is well measured, as both floor and ceiling are by a wide lens; else it is removed.
 pub(super) fn add(surface: &Surface, planes: &mut Vec<ImagePlane>, step: f32, options: &PlaneOptions) {
     let alike = options.facing_deg.to_radians().cos();
     let mut known: Vec<ImagePlane> = planes.iter().copied().filter(|p| p.encloses).collect();
