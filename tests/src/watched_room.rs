@@ -3,6 +3,8 @@
 //! A furnished room whose light drifts like a day's, flickers, and is switched, now for the whole picture and now for a half
 //! of it; people with their shadows walk through it and stay for a while; a board as large as a chair is put elsewhere.
 
+use std::ops::Range;
+
 use image::RgbImage;
 use nalgebra::{Point2, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -16,18 +18,20 @@ use crate::chain::StepResult;
 
 /// Looks a second, as many as the watch takes.
 const RATE_HZ: f64 = 2.0;
-/// Time after the turn within which it should be told, seconds, and for which it is waited.
+/// Time after the turn within which it should be told, seconds; the watch goes on for twice as long.
 const TOLD_WITHIN_S: f64 = 3.0;
 /// Turns in the end, degrees.
-const TURNED_DEG: std::ops::Range<f64> = 0.5..4.0;
+const TURNED_DEG: Range<f64> = 0.5..4.0;
 /// Mean time between two people, and their longest stay at a place, seconds.
 const INTERVAL_S: f64 = 40.0;
 const LONGEST_STAY_S: f64 = 60.0;
 /// Mean time between two switches of a light, seconds, and the factors by which one changes the brightness.
 const SWITCHED_S: f64 = 240.0;
-const SWITCHED: std::ops::Range<f64> = 0.55..1.0;
+const SWITCHED: Range<f64> = 0.55..1.0;
 /// Least and largest brightness of the day.
-const DAYLIGHT: std::ops::Range<f64> = 0.6..1.3;
+const DAYLIGHT: Range<f64> = 0.6..1.3;
+/// Column between the halves of a picture.
+const MIDDLE: u32 = 160;
 /// Share by which lamps flicker.
 const FLICKER: f32 = 0.03;
 
@@ -94,7 +98,7 @@ pub fn watch(seed: u64, seconds: f64) -> StepResult<Watched> {
             PoseFinding::Unmoved => {}
             PoseFinding::Doubtful => watched.doubts_s.push(time_s),
             PoseFinding::Moved | PoseFinding::AtRest => {
-                // What it has found once a watch does not take back.
+                // A `PoseWatch` that has found a turn never finds the camera unmoved again.
                 watched.false_alarm_s = Some(time_s);
                 return Ok(watched);
             }
@@ -138,9 +142,17 @@ fn film<'a>(room: &'a SyntheticRoom, people: &[Walker], seed: u64, looks: u32) -
 struct Light {
     /// Phase and turns of the daylight's two waves.
     waves: [(f64, f64); 2],
-    /// Lights that are switched off at a time and on again at another, with the columns that they light and how much is left
-    /// without them.
-    switched: Vec<(std::ops::Range<f64>, std::ops::Range<u32>, f64)>,
+    switched: Vec<SwitchedLamp>,
+}
+
+/// A lamp that is switched off for a while.
+struct SwitchedLamp {
+    /// Time for which it is off, seconds.
+    off_s: Range<f64>,
+    /// Columns of the picture that it lights.
+    columns: Range<u32>,
+    /// Share of the brightness that is left there without it.
+    left: f64,
 }
 
 impl Light {
@@ -150,8 +162,9 @@ impl Light {
         let count = (seconds / SWITCHED_S) as usize;
         let mut switched = || {
             let from_s = random.random_range(0.0..seconds);
-            let columns = [0..u32::MAX, 0..160, 160..u32::MAX][random.random_range(0..3)].clone();
-            (from_s..from_s + random.random_range(1.0..SWITCHED_S), columns, random.random_range(SWITCHED))
+            let columns = [0..u32::MAX, 0..MIDDLE, MIDDLE..u32::MAX][random.random_range(0..3)].clone();
+            let off_s = from_s..from_s + random.random_range(1.0..SWITCHED_S);
+            SwitchedLamp { off_s, columns, left: random.random_range(SWITCHED) }
         };
         Self { waves, switched: (0..count).map(|_| switched()).collect() }
     }
@@ -163,11 +176,8 @@ impl Light {
         let part = 0.5 + 0.25 * self.waves.map(wave).iter().sum::<f64>();
         let day = DAYLIGHT.start + (DAYLIGHT.end - DAYLIGHT.start) * part;
         let lit = |column: u32| {
-            let off = self
-                .switched
-                .iter()
-                .filter(|(times, columns, _)| times.contains(&time_s) && columns.contains(&column));
-            day * off.map(|(.., left)| left).product::<f64>()
+            let off = |lamp: &&SwitchedLamp| lamp.off_s.contains(&time_s) && lamp.columns.contains(&column);
+            day * self.switched.iter().filter(off).map(|lamp| lamp.left).product::<f64>()
         };
         let by_column: Vec<f64> = (0..picture.width()).map(lit).collect();
         for (column, _, pixel) in picture.enumerate_pixels_mut() {
