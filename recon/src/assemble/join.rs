@@ -1,8 +1,6 @@
-//! All cameras in one frame, with the vertical and the floor there. Two estimates depend on each other: lines in the
-//! pictures level the cameras once the vertical is roughly known, and the vertical is the floor's normal, which is
-//! found after the cameras are joined. So cameras are first joined by the picks, a coarse floor gives the approximate
-//! vertical, and they are joined again with the lines as further constraints. Then their captures are adjusted together, the
-//! floor is found, and they are adjusted with their features on it.
+//! All cameras in one frame, with the vertical and the floor there. Cameras are first joined by the picks, where a coarse floor
+//! gives the approximate vertical, beside which vertical lines in the pictures are looked for. Then their captures are adjusted
+//! together, the floor is found by the surfaces and the lines, and they are adjusted with their features on it.
 
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
@@ -37,25 +35,11 @@ impl JoinedCameras {
 }
 
 impl Captures<'_> {
-    /// Joins the cameras by the picks and, where the picks do not contradict it, by the lines in the pictures.
+    /// Joins the cameras by the picks, and adjusts them with their captures where these are at hand.
     pub(super) fn join_cameras(&self, project: &Project, options: &AssembleOptions) -> Result<JoinedCameras> {
-        let merge = |plumb: &[Option<Plumb>]| {
-            merge::merge(project, self.surfaces, self.lenses, self.measured, plumb, &options.merge)
-        };
-        let (merged, report) = merge(&[])?;
-        let plumb = self.plumb(&merged, options);
-        if plumb.iter().flatten().count() > 1
-            && let Ok((level, level_report)) = merge(&plumb)
-            // Picks take precedence over lines.
-            && level_report.outliers == report.outliers
-            && !merge::spoils(level_report.pick_rms_px, report.pick_rms_px)
-        {
-            let joined = self.on_floor(project, (level, level_report), &plumb, options)?;
-            if joined.floor.is_ok() {
-                return Ok(joined);
-            }
-        }
-        self.on_floor(project, (merged, report), &plumb, options)
+        let joined = merge::merge(project, self.surfaces, self.lenses, self.measured, &options.merge)?;
+        let plumb = self.plumb(&joined.0, options);
+        self.on_floor(project, joined, &plumb, options)
     }
 
     /// Vertical in each camera's frame by the lines in its pictures; empty where the coarse search finds no floor.

@@ -2,29 +2,35 @@
 
 use super::*;
 use crate::capture::ReferenceFrame;
+use crate::motion::SparsePoint;
 use crate::project::{ControlPoint, KnownLength, PickedPoint, ProjectCamera};
 use crate::surface::rendered::Rendering;
 use calib::{Camera, Intrinsics};
 use glam::Vec3;
-use nalgebra::{Point2, Point3, Vector2, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
 use synthetic::RoomOptions;
 
+fn single(p: &Point3<f64>) -> Vec3 {
+    Vec3::new(p.x as f32, p.y as f32, p.z as f32)
+}
+
+/// What a pixel shows: its place, and its depth along the camera's axis, metres.
+fn hit(scene: &RayScene, camera: &Camera, pixel: &Point2<f64>) -> Option<(Point3<f64>, f64)> {
+    let direction = camera.camera_from_world.rotation.inverse() * camera.intrinsics.unproject(pixel)?;
+    let depth_m = f64::from(scene.cast(single(&camera.center()), single(&Point3::from(direction)))?.distance);
+    Some((camera.center() + direction * depth_m, depth_m))
+}
+
 /// Points visible to both cameras, picked to within a pixel.
 fn picks(scene: &RayScene, [a, b]: [&Camera; 2], rng: &mut Pcg64Mcg) -> Vec<PickedPoint> {
-    let single = |p: &Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
     let mut points: Vec<PickedPoint> = Vec::new();
     while points.len() < 10 {
         let [width, height] = [a.intrinsics.width, a.intrinsics.height].map(f64::from);
         let pixel = Point2::new(rng.random_range(8.0..width - 8.0), rng.random_range(8.0..height - 8.0));
-        let ray = a.intrinsics.unproject(&pixel).unwrap();
-        let direction = a.camera_from_world.rotation.inverse() * ray;
-        let Some(hit) = scene.cast(single(&a.center()), single(&Point3::from(direction))) else {
-            continue;
-        };
-        let place = a.center() + direction * f64::from(hit.distance);
+        let Some((place, _)) = hit(scene, a, &pixel) else { continue };
         let seen = b.project(&place).filter(|p| b.intrinsics.contains(p));
         let Some(other) = seen.filter(|_| !scene.is_blocked(single(&b.center()), single(&place))) else {
             continue;
@@ -65,6 +71,44 @@ fn of_surfaces<'a>(surfaces: &'a [Surface], lenses: &'a [Intrinsics]) -> Capture
     }
 }
 
+/// A capture with known motion, in its own frame and unit.
+struct Filmed {
+    camera_from_world: Vec<Option<Isometry3<f64>>>,
+    points: Vec<SparsePoint>,
+}
+
+impl Filmed {
+    /// Carries a camera around its place and follows features of its picture to within a sixth of a pixel.
+    fn around(camera: &Camera, scene: &RayScene, unit_m: f64, rng: &mut Pcg64Mcg) -> Self {
+        const FRAMES: usize = 16;
+        const FEATURES: usize = 600;
+        let path: Vec<Isometry3<f64>> = (0..FRAMES)
+            .map(|frame| {
+                let turn = frame as f64 / FRAMES as f64 * std::f64::consts::TAU;
+                let shift_m =
+                    Vector3::new(0.3 * turn.sin(), 0.2 * (2.0 * turn).sin(), 0.1 * (1.0 - turn.cos()));
+                Isometry3::new(shift_m / unit_m, Vector3::new(0.03 * turn.sin(), 0.0, 0.0))
+            })
+            .collect();
+        let lens = &camera.intrinsics;
+        let [width, height] = [lens.width, lens.height].map(f64::from);
+        let mut points = Vec::new();
+        while points.len() < FEATURES {
+            let pixel = Point2::new(rng.random_range(8.0..width - 8.0), rng.random_range(8.0..height - 8.0));
+            let Some((_, depth_m)) = hit(scene, camera, &pixel) else { continue };
+            let position = Point3::from(lens.unproject(&pixel).unwrap() * (depth_m / unit_m));
+            let observations = path.iter().enumerate().filter_map(|(frame, pose)| {
+                let slip = Vector2::from_fn(|_, _| rng.random_range(-0.17..0.17));
+                let seen = lens.project(&(pose * position)).filter(|pixel| lens.contains(pixel))?;
+                Some((frame, if frame == 0 { pixel } else { seen + slip }))
+            });
+            let observations = observations.collect();
+            points.push(SparsePoint { position, observations });
+        }
+        Self { camera_from_world: path.into_iter().map(Some).collect(), points }
+    }
+}
+
 #[test]
 fn furnished_rooms_come_out_metric_and_upright() {
     for seed in 1..=6 {
@@ -72,14 +116,21 @@ fn furnished_rooms_come_out_metric_and_upright() {
         let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
         let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
         // The two captures have different units.
-        let surfaces = [(0, 1.9), (1, 0.7)].map(|(i, unit_m)| {
-            Rendering { unit_m, noise: 0.005, holes: 0.2, seed: seed + i as u64 }.of(&scene, truth[i])
+        let units = [(0, 1.9), (1, 0.7)];
+        let surfaces = units.map(|(i, unit_m)| {
+            Rendering { unit_m, noise: 0.005, holes: 0.2, seed: seed + i as u64 }.filmed(&built, truth[i])
         });
         let lenses: [Intrinsics; 2] = truth.map(|camera| camera.intrinsics.clone());
-        let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let points = picks(&scene, truth, &mut rng);
         let height_m = truth[0].center().z;
         let project = project(points, KnownLength::Height { camera: 0, height_m });
-        let captures = of_surfaces(&surfaces, &lenses);
+        let filmed = units.map(|(i, unit_m)| Filmed::around(truth[i], &scene, unit_m, &mut rng));
+        let motions = [0, 1].map(|i| {
+            let Filmed { camera_from_world, points } = &filmed[i];
+            CaptureMotion { lens: &lenses[i], reference: 0, camera_from_world, points }
+        });
+        let captures = Captures { motions: &motions, ..of_surfaces(&surfaces, &lenses) };
         let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
 
         let found = [0, 1].map(|i| &room.cameras[i].camera);
@@ -126,42 +177,6 @@ fn a_board_gives_the_metres_in_whichever_camera_it_is_seen() {
     }
     let refused = by(1, None).unwrap_err().to_string();
     assert!(refused.contains("[scale], board"), "{refused}");
-}
-
-/// Corresponding points in the pictures align cameras whose spaces are bent: across the image here, by half as much as
-/// in the capture of a real room. Both are bent the same way, so that their surfaces agree nevertheless.
-#[test]
-fn pictures_hold_what_bent_depths_let_go() {
-    let mut turns_deg = [0.0; 2];
-    for seed in 4..=8 {
-        let built = RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap();
-        let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
-        let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
-        let surfaces = truth.map(|camera| {
-            let mut surface =
-                Rendering { unit_m: 0.8, noise: 0.005, holes: 0.2, seed }.filmed(&built, camera);
-            let width = surface.width();
-            for (i, depth) in surface.depth.iter_mut().enumerate() {
-                *depth *= 1.0 + 0.04 * ((i % width) as f32 / width as f32 - 0.5);
-            }
-            surface
-        });
-        let lenses = truth.map(|camera| camera.intrinsics.clone());
-        let mut points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
-        points.truncate(8);
-        let project = project(points, KnownLength::Height { camera: 0, height_m: truth[0].center().z });
-        let expected = truth[0].camera_from_world * truth[1].camera_from_world.inverse();
-        for (turn_deg, matches) in turns_deg.iter_mut().zip([0, MergeOptions::default().matches]) {
-            let options = MergeOptions { matches, ..MergeOptions::default() };
-            let (merged, report) =
-                merge::merge(&project, &surfaces, &lenses, &[vec![], vec![]], &[], &options).unwrap();
-            assert_eq!(report.matches > 0, matches > 0, "seed {seed}: {report:?}");
-            let found = merged.common_from_camera[0].inverse() * merged.common_from_camera[1];
-            *turn_deg += calib::rotation::angle_between_deg(&found.isometry.rotation, &expected.rotation);
-        }
-    }
-    let [without, with] = turns_deg;
-    assert!(with < 0.75 * without, "{with}° with, {without}° without what pictures have in common");
 }
 
 /// In bent spaces floors slope, but vertical lines in the pictures do not: a fourth of all edges here. From the top of

@@ -36,9 +36,6 @@ const FOUND_SIGMA_PX: f64 = 0.25;
 const MOST_INDEPENDENT: f64 = 100.0;
 /// Number of standard deviations from which on a residual counts as an outlier's: half as much as others at that distance.
 const OUTLYING: f64 = 2.0;
-/// Least number of features that a camera must share with others. The adjustment does without the surfaces, which join cameras that
-/// share fewer better.
-const LEAST_SHARED: usize = 100;
 /// Largest distance of such a feature from its projection by the start, pixels.
 const FARTHEST_PX: f64 = 12.0;
 
@@ -108,12 +105,6 @@ pub(super) fn shared_features(
         }
     }
     Ok(shared)
-}
-
-/// Tells whether each camera shares enough features with the others.
-pub(super) fn are_enough(shared: &[SharedFeature], cameras: usize) -> bool {
-    let of = |camera| shared.iter().filter(|s| s.capture == camera || s.camera == camera).count();
-    (0..cameras).all(|camera| of(camera) >= LEAST_SHARED)
 }
 
 impl CaptureMotion<'_> {

@@ -1,18 +1,15 @@
-//! All cameras in one frame: similarities from picked points, chained over the cameras, then refined jointly.
+//! All cameras in one frame: similarities from picked points, chained over the cameras, then all captures adjusted together.
 //!
 //! Each camera's reconstruction has its own frame and scale. Points picked in two reference images give, with the
 //! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a
 //! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the first
-//! camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks project onto
-//! their pixels, common surfaces of cameras coincide, and the vertical is the same for all. With known relative poses
-//! more correspondences are found between the pictures ([`crate::proposals`]), and the refinement is repeated with
-//! them. Last, all captures are adjusted together, key frame by key frame ([`adjustment`]), and once more with their
-//! features on the floor in one plane ([`on_floor`]).
+//! camera on ([`graph`]). Cameras and points then move until the picks project onto their pixels ([`refine`]), which shows the
+//! picks that do not fit. From there on all captures are adjusted together, key frame by key frame, with the features that
+//! two cameras see ([`adjustment`]), and once more with their features on the floor in one plane ([`on_floor`]).
 
 mod adjustment;
 mod graph;
 mod on_floor;
-mod overlap;
 mod refine;
 #[cfg(test)]
 mod tests;
@@ -21,9 +18,7 @@ use nalgebra::{Isometry3, Point2, Point3, Similarity3};
 use serde::{Deserialize, Serialize};
 
 use crate::floor::Plane;
-use crate::plumb::Plumb;
 use crate::project::Project;
-use crate::proposals;
 use crate::ray_depth::{MeasuredPixel, RayMeasurement};
 use crate::surface::Surface;
 use crate::{Error, Result};
@@ -43,25 +38,11 @@ pub struct MergeOptions {
     pub motion_sigma: f64,
     /// Distance from its projection after refinement beyond which a pick is an outlier, pixels.
     pub outlier_px: f64,
-    /// Largest number of matches found between the pictures of a pair, which join the cameras beside the picks.
-    pub matches: usize,
-    /// Standard deviation of such a match, pixels.
-    pub match_sigma_px: f64,
-    /// Whether surfaces seen by two cameras are aligned (point-to-plane).
-    pub align_surfaces: bool,
 }
 
 impl Default for MergeOptions {
     fn default() -> Self {
-        Self {
-            pick_sigma_px: 0.5,
-            depth_sigma: 0.01,
-            motion_sigma: 0.003,
-            outlier_px: 6.0,
-            matches: 24,
-            match_sigma_px: 1.0,
-            align_surfaces: true,
-        }
+        Self { pick_sigma_px: 0.5, depth_sigma: 0.01, motion_sigma: 0.003, outlier_px: 6.0 }
     }
 }
 
@@ -75,16 +56,10 @@ pub struct MergeReport {
     /// Distance of each pick that fits from the projection of its point: number of the point (from 1), index of the
     /// camera, pixels.
     pub misfits_px: Vec<(usize, usize, f64)>,
-    /// Number of matches between pictures that joined the cameras beside the picks.
-    pub matches: usize,
     /// Estimated relative standard deviation of the depths at each camera's picks.
     pub depth_sigma: Vec<f64>,
     /// Number of features of a capture that were found in another camera's picture, for the adjustment of all captures.
     pub shared_features: usize,
-    /// Number of pairs of surface points that were aligned.
-    pub surface_pairs: usize,
-    /// Root mean square distance of these pairs, in units of the first camera's reconstruction.
-    pub surface_rms: f64,
 }
 
 impl MergeReport {
@@ -99,7 +74,7 @@ impl MergeReport {
 pub struct Merged {
     /// Similarity of each camera; the first is the identity.
     pub common_from_camera: Vec<Similarity3<f64>>,
-    /// Picked points, `None` for outliers; after them, the matches between pictures.
+    /// Picked points, `None` for outliers.
     pub points: Vec<Option<Point3<f64>>>,
 }
 
@@ -123,10 +98,7 @@ pub(crate) fn camera_pose(frame_from_camera: &Similarity3<f64>) -> Isometry3<f64
     frame_from_camera.isometry.inverse()
 }
 
-/// Joins all cameras.
-///
-/// # Arguments
-/// `plumb`: vertical in each camera's frame by the lines in its pictures, where that is known; may be empty.
+/// Joins all cameras by their picks.
 ///
 /// # Errors
 /// [`Error::File`] naming the pick that contradicts the others of a pair, or a pair without enough usable depth at
@@ -136,25 +108,12 @@ pub fn merge(
     surfaces: &[Surface],
     lenses: &[calib::Intrinsics],
     measured: &[Vec<MeasuredPixel>],
-    plumb: &[Option<Plumb>],
     options: &MergeOptions,
 ) -> Result<(Merged, MergeReport)> {
     let picks = lift(project, surfaces, lenses, measured, options)?;
     let start = graph::chain(project, &picks, surfaces.len())?;
-    let (mut merged, mut report) = refine::refine(&picks, &start, surfaces, plumb, options);
+    let (merged, report) = refine::refine(&picks, &start, surfaces, options);
     check_pairs(project, &picks, &report)?;
-    let matches = matches(surfaces, &merged, project.points.len(), options)?;
-    if !matches.is_empty() {
-        let count = matches.len() / 2;
-        let left_out = |pick: &LiftedPick| report.is_left_out(pick.point + 1);
-        let all: Vec<LiftedPick> = picks.into_iter().filter(|p| !left_out(p)).chain(matches).collect();
-        let (joined, told) = refine::refine(&all, &merged.common_from_camera, surfaces, plumb, options);
-        // Picks take precedence over matches.
-        if told.outliers.is_empty() && !spoils(told.pick_rms_px, report.pick_rms_px) {
-            merged = joined;
-            report = MergeReport { outliers: report.outliers, matches: count, ..told };
-        }
-    }
     Ok((merged, report))
 }
 
@@ -176,8 +135,8 @@ pub(crate) struct AdjustedCaptures<'a> {
     pub(crate) report: MergeReport,
 }
 
-/// Adjusts all captures together from where they were merged. `None` where they share too few features, or where the adjustment
-/// contradicts the picks.
+/// Adjusts all captures together from where they were merged. `None` for one camera, for surfaces without motions, and where the
+/// adjustment contradicts the picks.
 ///
 /// # Errors
 /// [`Error::Calib`] when OpenCV refuses.
@@ -188,21 +147,15 @@ pub(crate) fn adjust<'a>(
     options: &MergeOptions,
 ) -> Result<Option<AdjustedCaptures<'a>>> {
     let MergedCaptures { motions, surfaces, lenses, measured } = *captures;
-    let start = &merged.common_from_camera;
-    if start.len() < 2 || motions.len() < start.len() {
+    if merged.common_from_camera.len() < 2 || motions.len() < merged.common_from_camera.len() {
         return Ok(None);
     }
     let mut picks = lift(project, surfaces, lenses, measured, options)?;
     picks.retain(|pick| !report.is_left_out(pick.point + 1));
-    let shared = adjustment::shared_features(motions, surfaces, start)?;
-    if !adjustment::are_enough(&shared, start.len()) {
-        return Ok(None);
-    }
+    let shared = adjustment::shared_features(motions, surfaces, &merged.common_from_camera)?;
     let bundle = adjustment::adjust(motions, surfaces, merged, (&picks, options.pick_sigma_px), &shared);
     let report = MergeReport { shared_features: shared.len(), ..report.clone() };
-    let mut merged = merged.clone();
-    merged.points.truncate(project.points.len());
-    Ok(AdjustedCaptures { bundle, surfaces, picks, merged, report }.taken())
+    Ok(AdjustedCaptures { bundle, surfaces, picks, merged: merged.clone(), report }.taken())
 }
 
 impl AdjustedCaptures<'_> {
@@ -244,53 +197,10 @@ impl AdjustedCaptures<'_> {
     }
 }
 
-/// Tells whether a further constraint spoils the fit of the picks: root mean square distances with it and without it,
+/// Tells whether further constraints spoil the fit of the picks: root mean square distances with them and without them,
 /// pixels.
-pub(crate) fn spoils(with_px: f64, without_px: f64) -> bool {
+fn spoils(with_px: f64, without_px: f64) -> bool {
     with_px > 1.5 * without_px + 0.5
-}
-
-/// Matches between the pictures of each pair of cameras, as picks of further points.
-fn matches(
-    surfaces: &[Surface],
-    merged: &Merged,
-    first: usize,
-    options: &MergeOptions,
-) -> Result<Vec<LiftedPick>> {
-    let mut picks = Vec::new();
-    if options.matches == 0 {
-        return Ok(picks);
-    }
-    let mut point = first;
-    for a in 0..surfaces.len() {
-        for b in a + 1..surfaces.len() {
-            let [a_pose, b_pose] = [a, b].map(|camera| merged.common_from_camera[camera]);
-            let found = proposals::in_common(
-                [&surfaces[a], &surfaces[b]],
-                &(a_pose.inverse() * b_pose),
-                options.matches,
-            )?;
-            for pixels in found {
-                for (camera, pixel) in [a, b].into_iter().zip(pixels) {
-                    let seen = surfaces[camera].point_at(&pixel);
-                    // Their depths add no information about two bent spaces beyond the surfaces'; the intersection of
-                    // rays bends neither.
-                    let frames = Vec::new();
-                    picks.push(LiftedPick {
-                        point,
-                        camera,
-                        pixel,
-                        seen,
-                        depth: None,
-                        frames,
-                        by_hand: false,
-                    });
-                }
-                point += 1;
-            }
-        }
-    }
-    Ok(picks)
 }
 
 /// A pick with its depth.
@@ -307,8 +217,6 @@ struct LiftedPick {
     depth: Option<(f64, f64)>,
     /// Frames of its camera's capture that show it, and the pixel (as filmed) there; without the reference frame.
     frames: Vec<(usize, Point2<f64>)>,
-    /// Whether a person picked it.
-    by_hand: bool,
 }
 
 fn lift(
@@ -332,15 +240,7 @@ fn lift(
             let ray = surfaces[*camera].intrinsics.unproject(&pinhole);
             let seen = depth.zip(ray).map(|((depth, _), ray)| Point3::from(ray * depth));
             let frames = measurement.map_or_else(Vec::new, |own| own.seen.clone());
-            picks.push(LiftedPick {
-                point,
-                camera: *camera,
-                pixel: pinhole,
-                seen,
-                depth,
-                frames,
-                by_hand: true,
-            });
+            picks.push(LiftedPick { point, camera: *camera, pixel: pinhole, seen, depth, frames });
         }
     }
     Ok(picks)

@@ -1,7 +1,7 @@
 //! Geometry of the page: residuals of picks and epipolar lines, for one pair of cameras at a time.
 //!
-//! Each camera's capture has become a surface, so three picks of a pair already join the two; the same joint refinement as
-//! a build's then gives each pick's distance from where the others put it ([`crate::merge`], without surfaces).
+//! Each camera's capture has become a surface, so three picks of a pair already join the two; they are joined as a build
+//! begins to, which gives each pick's distance from where the others put it ([`crate::merge`]).
 
 use nalgebra::{Point2, Point3, Similarity3};
 use serde::Serialize;
@@ -57,8 +57,7 @@ pub(super) fn join(
     };
     let surfaces = views.map(|view| view.surface.clone());
     let lenses = views.map(|view| view.surface.intrinsics.clone());
-    let options = MergeOptions { align_surfaces: false, matches: 0, ..MergeOptions::default() };
-    let joined = merge::merge(&project, &surfaces, &lenses, &[vec![], vec![]], &[], &options);
+    let joined = merge::merge(&project, &surfaces, &lenses, &[vec![], vec![]], &MergeOptions::default());
     let (merged, report) = joined.map_err(|error| {
         // The points of the pair are numbered as the page has them.
         let text = error.to_string();

@@ -82,7 +82,6 @@ impl BuildOptions {
             ("dense.least_agreeing", dense.least_agreeing, 1..=1000),
             ("planes.most_planes", planes.most_planes, 0..=10_000),
             ("planes.rim_px", planes.rim_px, 0..=1000),
-            ("assemble.merge.matches", merge.matches, 0..=100_000),
             ("assemble.floor.directions", floor.directions, 100..=1_000_000),
             ("assemble.floor.peaks", floor.peaks, 1..=100_000),
         ];
@@ -121,7 +120,6 @@ impl BuildOptions {
             ("assemble.merge.depth_sigma", merge.depth_sigma),
             ("assemble.merge.motion_sigma", merge.motion_sigma),
             ("assemble.merge.outlier_px", merge.outlier_px),
-            ("assemble.merge.match_sigma_px", merge.match_sigma_px),
             ("assemble.floor.distance_cell", floor.distance_cell),
             ("assemble.floor.normal_spread_deg", floor.normal_spread_deg),
             ("assemble.floor.thickness", floor.thickness),

@@ -34,14 +34,10 @@ pub struct BuildReport {
     pub picks_left_out: Vec<String>,
     /// Number of points that the program proposed to itself, since the project has none.
     pub proposed_points: usize,
-    /// Number of matches between pictures that joined the cameras beside the picks.
-    pub matches: usize,
+    /// Number of features of a capture that were found in another camera's picture, and join the captures beside the picks.
+    pub shared_features: usize,
     /// Estimated relative standard deviation of the depths at each camera's picks; empty for one camera.
     pub pick_depth_sigma: Vec<f64>,
-    /// Number of pairs of surface points of different cameras that were aligned.
-    pub surface_pairs: usize,
-    /// Root mean square distance of these pairs, metres.
-    pub surface_rms_m: f64,
     /// Root mean square distance of the floor's points from its plane, metres.
     pub floor_rms_m: f64,
     /// Floor's share of all area seen.
@@ -232,10 +228,8 @@ impl BuildReport {
                 format!("[[point]] {point}, {name}: {off:.1} pixels from where the other picks put it")
             })
             .collect();
-        self.matches = done.merge.matches;
+        self.shared_features = done.merge.shared_features;
         self.pick_depth_sigma.clone_from(&done.merge.depth_sigma);
-        self.surface_pairs = done.merge.surface_pairs;
-        self.surface_rms_m = done.merge.surface_rms * done.metres_per_unit;
         self.floor_rms_m = done.floor.rms * done.metres_per_unit;
         self.floor_share = done.floor.area_share;
         self.level_planes = done.floor.level_planes;

@@ -147,26 +147,6 @@ pub(crate) fn evidence_of(
     evidence::of([&seen[0], &seen[1]], first_from_second)
 }
 
-/// Matches between two surfaces with the relative pose `first_from_second`: both pixels, in the pinhole pictures, of at
-/// most `count` places that lie far apart. Empty where surfaces and pictures do not confirm the pose.
-///
-/// # Errors
-/// [`crate::error::Error::Calib`] when OpenCV refuses.
-pub(crate) fn in_common(
-    surfaces: [&Surface; 2],
-    first_from_second: &Similarity3<f64>,
-    count: usize,
-) -> Result<Vec<[Point2<f64>; 2]>> {
-    let options = ProposalOptions::default();
-    let seen = surfaces.map(|surface| ComparedView { surface, intensity: Intensity::new(&surface.picture) });
-    let seen = [&seen[0], &seen[1]];
-    if confirmed(seen, first_from_second, &options).is_none() {
-        return Ok(Vec::new());
-    }
-    let (_, matches) = guided::matches(seen, first_from_second, options.tolerance_px(seen), &options)?;
-    Ok(spread::choose(&matches, count).iter().map(|m| m.pixels).collect())
-}
-
 /// Indices of the pixels of one picture that are found in another, with their pixels there.
 pub(crate) type FoundPixels = Vec<(usize, Point2<f64>)>;
 

@@ -1,4 +1,4 @@
-//! Normal equations of observations: each adds its derivatives by up to two cameras and a point.
+//! Normal equations of observations: each adds its derivatives by a camera and a point.
 
 use nalgebra::{DMatrix, DVector, SVector, Vector2};
 
@@ -16,16 +16,14 @@ pub(super) fn equations<'a>(
     let mut points: Vec<PointBlock<POSE>> = state.points.iter().map(|_| PointBlock::default()).collect();
     for (row, weight) in rows {
         let residual = Vector2::from(row.residual);
-        for (a, by_a) in row.cameras() {
-            let weighted = by_a.transpose() * weight;
-            let mut of_camera = right.fixed_rows_mut::<POSE>(POSE * a);
+        if let Some((camera, by)) = &row.camera {
+            let weighted = by.transpose() * weight;
+            let mut of_camera = right.fixed_rows_mut::<POSE>(POSE * camera);
             of_camera -= weighted * residual;
-            for (b, by_b) in row.cameras() {
-                let mut block = u.fixed_view_mut::<POSE, POSE>(POSE * a, POSE * b);
-                block += weighted * by_b;
-            }
+            let mut block = u.fixed_view_mut::<POSE, POSE>(POSE * camera, POSE * camera);
+            block += weighted * by;
             if let Some((point, by_point)) = &row.point {
-                points[*point].edges.push((*a, weighted * by_point));
+                points[*point].edges.push((*camera, weighted * by_point));
             }
         }
         if let Some((point, by)) = &row.point {
@@ -39,6 +37,6 @@ pub(super) fn equations<'a>(
 
 /// Variance of one component of an observation.
 pub(super) fn variance(factored: &Factored<'_, POSE>, row: &LinearisedTerm, side: usize) -> f64 {
-    let by_cameras = row.cameras().map(|(camera, by)| (*camera, SVector::from(by.row(side).transpose())));
+    let by_cameras = row.camera.iter().map(|(camera, by)| (*camera, SVector::from(by.row(side).transpose())));
     factored.variance(by_cameras, row.point.map(|(point, by)| (point, by.row(side).transpose())))
 }

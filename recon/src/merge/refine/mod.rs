@@ -1,18 +1,13 @@
-//! The joint refinement: cameras and picked points move until picks, depths and common surfaces fit best.
+//! Start of the joint adjustment: cameras and picked points move until picks and the depths measured at them fit best.
 //!
 //! Least squares over seven numbers a camera (rotation, translation, log scale; the first camera is fixed) and three a
-//! point. Residuals, each in standard deviations: a pick's pixel; the depth measured at a pick, as a logarithm;
-//! the distance of one camera's surface point from another's surface, along that one's normal; the difference between
-//! the verticals by two cameras' lines ([`level`]). All are robust (Cauchy), iteratively reweighted. The precision of
-//! the depths is estimated along with them ([`variance`]), and the number of independent surface observations
-//! ([`effective_counts`]), since a capture's motion may bend its whole space. [`term`] has the residuals and their
-//! derivatives, [`equations`](mod@equations) the normal equations.
+//! point. Residuals, each in standard deviations: a pick's pixel; the depth measured at a pick, as a logarithm. Both are
+//! robust (Cauchy), iteratively reweighted. The precision of the depths is estimated along with them ([`variance`]), since a
+//! capture's motion may bend its whole space. [`term`] has the residuals and their derivatives,
+//! [`equations`](mod@equations) the normal equations.
 
-mod confidence;
-mod effective_counts;
 mod equations;
 mod first_points;
-mod level;
 mod state;
 mod term;
 mod variance;
@@ -20,26 +15,17 @@ mod variance;
 use calib::least_squares::{Options, Problem, minimise};
 use nalgebra::Similarity3;
 
-use super::overlap::{self, Contact};
 use super::{LiftedPick, MergeOptions, MergeReport, Merged};
-use crate::plumb::Plumb;
 use crate::schur::{SchurEquations, SchurStep};
 use crate::surface::Surface;
-use confidence::picks_rule_out;
-use effective_counts::EffectiveCounts;
 use equations::equations;
 use first_points::first_points;
-use level::LevelConstraint;
 use state::{POSE, RefinementState};
 use term::{LinearisedTerm, Term, norm, terms};
 use variance::Factors;
 
-/// Number of rounds of associating common surface points.
-const ASSOCIATIONS: usize = 6;
 /// Largest number of rounds of minimising and re-estimating the precision of depths and picks.
 const VARIANCE_ROUNDS: usize = 8;
-/// First gate for the association of surfaces, as a share of the depth.
-const WIDEST_GATE: f64 = 0.06;
 /// Difference (logarithm) between a depth and the intersection of both cameras' rays beyond which the depth belongs to
 /// another surface.
 const DEPTH_MISMATCH: f64 = 0.1;
@@ -49,7 +35,6 @@ struct Refinement<'a> {
     options: &'a MergeOptions,
     /// Estimated factors on the claimed standard deviations of depths and picks.
     factors: Factors,
-    levels: &'a [LevelConstraint],
 }
 
 /// Observations whose robust cost is minimised.
@@ -82,11 +67,9 @@ pub(super) fn refine(
     picks: &[LiftedPick],
     start: &[Similarity3<f64>],
     surfaces: &[Surface],
-    plumb: &[Option<Plumb>],
     options: &MergeOptions,
 ) -> (Merged, MergeReport) {
-    let levels = LevelConstraint::all(plumb, start);
-    let mut scene = Refinement { surfaces, options, factors: Factors::loose(start.len()), levels: &levels };
+    let mut scene = Refinement { surfaces, options, factors: Factors::loose(start.len()) };
     let mut report = MergeReport::default();
     let points = first_points(picks, start, surfaces);
     // Picks of a point without a position give no constraint.
@@ -96,11 +79,11 @@ pub(super) fn refine(
     loop {
         scene.factors = Factors::loose(start.len());
         for _ in 0..VARIANCE_ROUNDS {
-            scene.minimise(&mut state, &kept, &[]);
+            scene.minimise(&mut state, &kept);
             scene.factors = scene.variance_factors(&state, &kept);
         }
         scene.factors.leave_chance();
-        scene.minimise(&mut state, &kept, &[]);
+        scene.minimise(&mut state, &kept);
         let worst = kept
             .iter()
             .map(|p| (p, scene.misfit_px(&state, p, &kept)))
@@ -108,85 +91,32 @@ pub(super) fn refine(
             .max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((pick, off)) = worst else { break };
         let point = pick.point;
-        if pick.by_hand {
-            report.outliers.push((point + 1, pick.camera, off));
-        }
+        report.outliers.push((point + 1, pick.camera, off));
         kept.retain(|p| p.point != point);
         state.points[point] = None;
     }
     report.pick_rms_px = scene.pick_rms(&state, &kept);
     report.misfits_px = scene.misfits_px(&state, &kept);
     report.depth_sigma = scene.depth_sigma(&kept);
-    if options.align_surfaces && surfaces.len() > 1 {
-        scene.align_surfaces_robustly(&mut state, &kept, &mut report);
-    }
     (Merged { common_from_camera: state.poses, points: state.points }, report)
 }
 
 impl Refinement<'_> {
-    /// Aligns common surfaces, unless the picks reject the resulting poses.
-    fn align_surfaces_robustly(
-        &self,
-        state: &mut RefinementState,
-        picks: &[LiftedPick],
-        report: &mut MergeReport,
-    ) {
-        let before = state.clone();
-        // A first alignment, with stereo's own precision, shows the distance that remains.
-        let straight = EffectiveCounts::straight(self.surfaces.len(), picks.iter().any(|pick| !pick.by_hand));
-        self.align(state, picks, &straight);
-        let contacts = overlap::contacts(self.surfaces, &state.poses, WIDEST_GATE);
-        let at_picks = report.depth_sigma.iter().copied().fold(0.0, f64::max);
-        let effective_counts = straight.bent(&contacts, &state.poses, self.options.depth_sigma, at_picks);
-        state.clone_from(&before);
-        let contacts = self.align(state, picks, &effective_counts);
-        let told = terms(picks, &[], self.levels);
-        let alone = self.cost(&before, &told);
-        if picks_rule_out(self.cost(state, &told) - alone, self.surfaces.len() - 1) {
-            *state = before;
-            return;
-        }
-        report.pick_rms_px = self.pick_rms(state, picks);
-        report.surface_pairs = contacts.len();
-        let squares: f64 = contacts.iter().map(|c| c.distance(&state.poses).powi(2)).sum();
-        report.surface_rms = (squares / contacts.len().max(1) as f64).sqrt();
-    }
-
-    /// Associates common surface points and minimises, round after round; returns the last round's contacts.
-    fn align(
-        &self,
-        state: &mut RefinementState,
-        picks: &[LiftedPick],
-        effective_counts: &EffectiveCounts,
-    ) -> Vec<Contact> {
-        let mut contacts = Vec::new();
-        for round in 0..ASSOCIATIONS {
-            // The gate narrows as the surfaces approach each other.
-            let gate = WIDEST_GATE * 0.7f64.powi(round as i32);
-            contacts = overlap::contacts(self.surfaces, &state.poses, gate);
-            let weights = effective_counts.weights(&contacts);
-            let weighted: Vec<(&Contact, f64)> = contacts.iter().zip(weights).collect();
-            self.minimise(state, picks, &weighted);
-        }
-        contacts
-    }
-
     /// Robust cost of observations.
     fn cost(&self, state: &RefinementState, terms: &[Term<'_>]) -> f64 {
         terms.iter().map(|t| t.loss().cost(norm(self.residual(state, t)).powi(2))).sum()
     }
 
-    fn minimise(&self, state: &mut RefinementState, picks: &[LiftedPick], contacts: &[(&Contact, f64)]) {
+    fn minimise(&self, state: &mut RefinementState, picks: &[LiftedPick]) {
         const SOLVER: Options = Options { max_iterations: 120, cost_tolerance: 1e-9, initial_damping: 1e-3 };
-        let terms = terms(picks, contacts, self.levels);
-        minimise(&Observations { refinement: self, terms }, state, &SOLVER);
+        minimise(&Observations { refinement: self, terms: terms(picks) }, state, &SOLVER);
     }
 
     /// Distance of a pick from the projection of its point by the others. When its depths contradict each other
     /// although the rays meet, it is the distance between the pick and the points by the other cameras' depths, in this
     /// picture.
     fn misfit_px(&self, state: &RefinementState, pick: &LiftedPick, picks: &[LiftedPick]) -> f64 {
-        let off = norm(self.residual(state, &Term::Pixel(pick))) * self.sigma_px(pick);
+        let off = norm(self.residual(state, &Term::Pixel(pick))) * self.pick_sigma_px();
         let mut of_point = picks.iter().filter(|p| p.point == pick.point);
         let contradicted = of_point.all(|p| {
             p.seen.is_some_and(|seen| {
@@ -211,16 +141,15 @@ impl Refinement<'_> {
         off.max(from_others)
     }
 
-    /// Distance of each pick by hand from the projection of its point, with the point's number and its camera.
+    /// Distance of each pick from the projection of its point, with the point's number and its camera.
     fn misfits_px(&self, state: &RefinementState, picks: &[LiftedPick]) -> Vec<(usize, usize, f64)> {
-        let off = |p: &LiftedPick| norm(self.residual(state, &Term::Pixel(p))) * self.sigma_px(p);
-        picks.iter().filter(|p| p.by_hand).map(|p| (p.point + 1, p.camera, off(p))).collect()
+        let off = |p: &LiftedPick| norm(self.residual(state, &Term::Pixel(p))) * self.pick_sigma_px();
+        picks.iter().map(|p| (p.point + 1, p.camera, off(p))).collect()
     }
 
     fn pick_rms(&self, state: &RefinementState, picks: &[LiftedPick]) -> f64 {
-        let by_hand = || picks.iter().filter(|p| p.by_hand);
-        let squares: f64 = by_hand().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
+        let squares: f64 = picks.iter().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
         // The sum over no picks is −0.
-        self.pick_sigma_px() * (squares.abs() / by_hand().count().max(1) as f64).sqrt()
+        self.pick_sigma_px() * (squares.abs() / picks.len().max(1) as f64).sqrt()
     }
 }

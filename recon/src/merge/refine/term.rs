@@ -6,28 +6,22 @@
 use calib::least_squares::{Loss, by_similarity};
 use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3};
 
-use super::level::LevelConstraint;
 use super::state::{ByCamera, ByPoint, RefinementState};
 use super::{LiftedPick, Refinement};
-use crate::merge::overlap::Contact;
 
-/// An observation that constrains cameras or points.
+/// An observation that constrains a camera and a point.
 pub(super) enum Term<'a> {
     Pixel(&'a LiftedPick),
     /// A depth and its relative standard deviation.
     Depth(&'a LiftedPick, (f64, f64)),
-    /// A contact and the weight of its residual.
-    Surface(&'a Contact, f64),
-    /// Difference between the verticals of two cameras.
-    Level(&'a LevelConstraint),
 }
 
-/// A residual (the second component is 0 except for pixels and levels) and its derivatives.
+/// A residual (the second component is 0 except for pixels) and its derivatives.
 #[derive(Default)]
 pub(super) struct LinearisedTerm {
     pub(super) residual: [f64; 2],
-    /// Derivatives by up to two cameras, each with the camera's index; none for the fixed camera.
-    cameras: [Option<(usize, ByCamera)>; 2],
+    /// Derivative by a camera, with the camera's index; none for the fixed camera.
+    pub(super) camera: Option<(usize, ByCamera)>,
     /// Derivative by a point, with the point's index.
     pub(super) point: Option<(usize, ByPoint)>,
 }
@@ -35,29 +29,18 @@ pub(super) struct LinearisedTerm {
 /// Residual of a point behind a camera.
 const BEHIND: [f64; 2] = [1e3, 1e3];
 
-/// All observations; contacts come with their weights.
-pub(super) fn terms<'a>(
-    picks: &'a [LiftedPick],
-    contacts: &[(&'a Contact, f64)],
-    levels: &'a [LevelConstraint],
-) -> Vec<Term<'a>> {
+/// All observations.
+pub(super) fn terms(picks: &[LiftedPick]) -> Vec<Term<'_>> {
     let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.depth?)));
-    picks
-        .iter()
-        .map(Term::Pixel)
-        .chain(depths)
-        .chain(contacts.iter().map(|(contact, weight)| Term::Surface(contact, *weight)))
-        .chain(levels.iter().map(Term::Level))
-        .collect()
+    picks.iter().map(Term::Pixel).chain(depths).collect()
 }
 
 impl Term<'_> {
     /// Cauchy's loss. Depths measured at corners often belong to another surface, so their influence falls earlier.
     pub(super) fn loss(&self) -> Loss {
         Loss::Cauchy(match self {
-            Term::Pixel(_) | Term::Level(_) => 3.0,
+            Term::Pixel(_) => 3.0,
             Term::Depth(..) => 1.5,
-            Term::Surface(_, weight) => 1.5 * weight,
         })
     }
 }
@@ -68,7 +51,7 @@ impl Refinement<'_> {
             Term::Pixel(pick) => {
                 let Some(seen) = state.seen(pick) else { return [0.0; 2] };
                 let Some(pixel) = self.surfaces[pick.camera].intrinsics.project(&seen) else { return BEHIND };
-                let off = (pixel - pick.pixel) / self.sigma_px(pick);
+                let off = (pixel - pick.pixel) / self.pick_sigma_px();
                 [off.x, off.y]
             }
             Term::Depth(pick, (depth, sigma)) => {
@@ -78,8 +61,6 @@ impl Refinement<'_> {
                 }
                 [(seen.z / depth).ln() / (sigma * self.factors.depth[pick.camera]), 0.0]
             }
-            Term::Surface(contact, weight) => [weight * contact.in_sigmas(&state.poses), 0.0],
-            Term::Level(level) => level.residual(&state.poses).into(),
         }
     }
 
@@ -93,7 +74,7 @@ impl Refinement<'_> {
             Term::Pixel(pick) => {
                 if let Some(seen) = state.seen(pick) {
                     let rows =
-                        self.surfaces[pick.camera].intrinsics.project_jacobian(&seen) / self.sigma_px(pick);
+                        self.surfaces[pick.camera].intrinsics.project_jacobian(&seen) / self.pick_sigma_px();
                     told.seen_by(state, pick, &seen, &rows);
                 }
             }
@@ -104,28 +85,12 @@ impl Refinement<'_> {
                     told.seen_by(state, pick, &seen, &alone(&by_depth));
                 }
             }
-            Term::Surface(contact, weight) => {
-                let row = contact.by_point() * *weight;
-                let (from, onto) = (&state.poses[contact.from], &state.poses[contact.onto]);
-                let common = from * contact.point;
-                let by_common = alone(&(row * turned_back(onto))) * by_similarity(&common);
-                told.cameras = [moving(contact.onto, -by_common), moving(contact.from, by_common)];
-            }
-            Term::Level(level) => {
-                let by = level.by_turning(&state.poses);
-                told.cameras = [moving(level.from, by), moving(level.onto, -by)];
-            }
         }
         told
     }
 }
 
 impl LinearisedTerm {
-    /// Derivatives by the free cameras.
-    pub(super) fn cameras(&self) -> impl Iterator<Item = &(usize, ByCamera)> + Clone {
-        self.cameras.iter().flatten()
-    }
-
     /// Sets the derivatives by the pose of a pick's camera and by its point, at `seen` in the camera's frame; `rows`
     /// are derivatives by the latter.
     fn seen_by(
@@ -137,14 +102,11 @@ impl LinearisedTerm {
     ) {
         let pose = &state.poses[pick.camera];
         let by_point = rows * turned_back(pose);
-        self.cameras[0] = moving(pick.camera, -by_point * by_similarity(&(pose * seen)));
+        // The first camera is fixed.
+        let by_camera = || (pick.camera, -by_point * by_similarity(&(pose * seen)));
+        self.camera = (pick.camera > 0).then(by_camera);
         self.point = Some((pick.point, by_point));
     }
-}
-
-/// Pairs a camera's derivative with its index; none for the first camera, which is fixed.
-fn moving(camera: usize, by: ByCamera) -> Option<(usize, ByCamera)> {
-    (camera > 0).then_some((camera, by))
 }
 
 /// Derivatives of a scalar residual.
@@ -177,7 +139,6 @@ mod tests {
     use super::*;
     use crate::merge::MergeOptions;
     use crate::merge::tests::surface;
-    use crate::plumb::Plumb;
     use crate::schur::SchurStep;
 
     fn pose(turn: [f64; 3], at: [f64; 3], scale: f64) -> Similarity3<f64> {
@@ -189,8 +150,7 @@ mod tests {
         const STEP: f64 = 1e-6;
         let surfaces = [0, 1, 0].map(surface);
         let options = MergeOptions::default();
-        let scene =
-            Refinement { surfaces: &surfaces, options: &options, factors: Factors::loose(3), levels: &[] };
+        let scene = Refinement { surfaces: &surfaces, options: &options, factors: Factors::loose(3) };
         let state = RefinementState {
             poses: vec![
                 Similarity3::identity(),
@@ -206,39 +166,15 @@ mod tests {
             seen: None,
             depth: Some((4.0, 0.02)),
             frames: Vec::new(),
-            by_hand: camera == 1,
         };
         let picks: Vec<LiftedPick> =
             (0..3).flat_map(|point| (0..3).map(move |camera| pick(point, camera))).collect();
-        let contact = |from: usize, onto: usize| Contact {
-            from,
-            point: Point3::new(0.5, 0.3, 4.0),
-            onto,
-            surface: Point3::new(0.2, 0.4, 4.5),
-            normal: Vector3::new(0.3, -0.2, -0.9).normalize(),
-            sigma: 0.01,
-        };
-        let contacts = [contact(0, 1), contact(2, 1), contact(1, 0)];
-        let weighted: Vec<(&Contact, f64)> = contacts.iter().map(|c| (c, 0.7)).collect();
-        let plumb = |up: [f64; 3]| {
-            let up = Vector3::from(up).normalize();
-            let sigma = Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.015));
-            let without = Matrix3::identity() - up * up.transpose();
-            Some(Plumb { up, covariance: without * sigma * sigma * without })
-        };
-        let ups = [[0.1, -0.9, 0.2], [0.5, -0.7, -0.3], [-0.3, -0.8, 0.4]].map(plumb);
-        let levels = [
-            LevelConstraint::all(&ups, &state.poses),
-            LevelConstraint::all(&[None, ups[1], ups[2]], &state.poses),
-        ]
-        .concat();
-        assert_eq!(levels.len(), 3);
         let (cameras, size) = (3 * POSE, 3 * POSE + 3 * 3);
         let mut compared = 0;
-        for term in terms(&picks, &weighted, &levels) {
+        for term in terms(&picks) {
             let told = scene.linearised(&state, &term);
             let mut analytic = vec![[0.0; 2]; size];
-            let by_cameras = told.cameras().flat_map(|(camera, by)| {
+            let by_cameras = told.camera.iter().flat_map(|(camera, by)| {
                 (0..POSE).map(move |k| (POSE * camera + k, by.column(k).into_owned()))
             });
             let by_point = told.point.iter().flat_map(|(point, by)| {
@@ -268,6 +204,7 @@ mod tests {
                 }
             }
         }
-        assert!(compared > 60, "only {compared} derivatives are not zero by construction");
+        // Of the second point, which is behind all cameras, nothing is seen.
+        assert_eq!(compared, 2 * (2 * POSE + 3 * 3), "derivatives that are not zero by construction");
     }
 }

@@ -21,7 +21,7 @@ const DEPTH_RANGE: (f64, f64) = (0.5, 30.0);
 /// Factors on the claimed standard deviations.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Factors {
-    /// Factor of all picks by hand.
+    /// Factor of all picks.
     pick: f64,
     /// Factor of the depths of each camera.
     pub(super) depth: Vec<f64>,
@@ -78,20 +78,15 @@ impl Group {
 }
 
 impl Refinement<'_> {
-    /// Standard deviation of a coordinate of a pick by hand.
+    /// Standard deviation of a coordinate of a pick.
     pub(super) fn pick_sigma_px(&self) -> f64 {
         self.options.pick_sigma_px * self.factors.pick
-    }
-
-    /// Standard deviation of a coordinate of a pick or match.
-    pub(super) fn sigma_px(&self, pick: &LiftedPick) -> f64 {
-        if pick.by_hand { self.pick_sigma_px() } else { self.options.match_sigma_px }
     }
 
     /// Factors estimated from the residuals of a minimum.
     pub(super) fn variance_factors(&self, state: &RefinementState, picks: &[LiftedPick]) -> Factors {
         let cameras = state.poses.len();
-        let terms = terms(picks, &[], self.levels);
+        let terms = terms(picks);
         let rows: Vec<_> = terms.iter().map(|term| self.linearised(state, term)).collect();
         let equations = equations(state, rows.iter().map(|row| (row, 1.0)));
         let Some(factored) = equations.factor(0.0) else { return self.factors.clone() };
@@ -99,10 +94,8 @@ impl Refinement<'_> {
         let mut of_depths: Vec<Group> = (0..cameras).map(|_| Group::default()).collect();
         for (term, row) in terms.iter().zip(&rows) {
             let (group, factor, sides) = match term {
-                Term::Pixel(pick) if !pick.by_hand => continue,
                 Term::Pixel(_) => (&mut of_picks, self.factors.pick, 0..2),
                 Term::Depth(pick, _) => (&mut of_depths[pick.camera], self.factors.depth[pick.camera], 0..1),
-                Term::Surface(..) | Term::Level(_) => continue,
             };
             for side in sides {
                 group.add(row.residual[side] * factor, 1.0 - variance(&factored, row, side));

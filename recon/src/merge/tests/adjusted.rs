@@ -8,7 +8,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::super::adjustment::{Adjusted, CaptureMotion, JointBundle, SharedFeature, adjust};
 use super::super::{LiftedPick, Merged};
-use super::boxes::Boxes;
+use super::box_room::BoxRoom;
 use super::{HALF, UNITS, lens, poses, surface};
 use crate::floor::Plane;
 use crate::motion::SparsePoint;
@@ -43,13 +43,13 @@ fn filmed(camera: usize, bend: f64, rng: &mut Pcg64Mcg) -> Filmed {
             UnitQuaternion::from_euler_angles(0.03 * t.sin(), -0.05, 0.02 * t.cos()),
         )
     }));
-    let boxes = Boxes { room: [Point3::from(-HALF), Point3::from(HALF)], furniture: Vec::new() };
+    let room = BoxRoom([Point3::from(-HALF), Point3::from(HALF)]);
     let eye = pose.inverse() * Point3::origin();
     let (mut points, mut places) = (Vec::new(), Vec::new());
     for _ in 0..FEATURES {
         let pixel = Point2::new(rng.random_range(5.0..315.0), rng.random_range(5.0..235.0));
         let ray = pose.rotation.inverse() * lens().unproject(&pixel).unwrap();
-        let place = eye + ray * boxes.hit(&eye, &ray).0;
+        let place = eye + ray * room.hit(&eye, &ray).0;
         let own = Point3::from((pose * place).coords / unit);
         let seen = path.iter().enumerate().filter_map(|(frame, pose)| {
             let pixel = lens().project(&(pose * own)).filter(|pixel| lens().contains(pixel))?;
@@ -113,7 +113,7 @@ impl Joined {
                     let frames = frames.collect();
                     let pixel = project(camera, place).unwrap() + slip;
                     let seen = Some(bent(&beside, bends[camera]));
-                    picks.push(LiftedPick { point, camera, pixel, seen, depth: None, frames, by_hand: true });
+                    picks.push(LiftedPick { point, camera, pixel, seen, depth: None, frames });
                 }
             }
         }

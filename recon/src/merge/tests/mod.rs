@@ -1,15 +1,13 @@
 //! Two cameras in a room of known geometry, each with a frame and a scale of its own.
 
 mod adjusted;
-mod boxes;
-mod rooms;
+mod box_room;
 
 use super::*;
 use crate::project::{KnownLength, PickedPoint, ProjectCamera};
-use crate::ray_depth::RayDepth;
-use boxes::Boxes;
+use box_room::BoxRoom;
 use calib::{Intrinsics, rotation};
-use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 /// Half extents of the room, a box around the origin.
 const HALF: Vector3<f64> = Vector3::new(3.0, 2.0, 1.3);
@@ -29,8 +27,8 @@ fn poses() -> [Isometry3<f64>; 2] {
 }
 
 pub(super) fn surface(camera: usize) -> Surface {
-    let boxes = Boxes { room: [Point3::from(-HALF), Point3::from(HALF)], furniture: Vec::new() };
-    boxes.seen(&lens(), &poses()[camera], UNITS[camera])
+    let room = BoxRoom([Point3::from(-HALF), Point3::from(HALF)]);
+    room.seen(&lens(), &poses()[camera], UNITS[camera])
 }
 
 /// Points on the floor, picked in both cameras with half a pixel of error.
@@ -77,7 +75,7 @@ fn project_of(points: Vec<PickedPoint>, lens: &Intrinsics) -> Project {
 }
 
 fn merged(project: &Project, options: &MergeOptions) -> Result<(Merged, MergeReport)> {
-    merge(project, &[surface(0), surface(1)], &[lens(), lens()], &[vec![], vec![]], &[], options)
+    merge(project, &[surface(0), surface(1)], &[lens(), lens()], &[vec![], vec![]], options)
 }
 
 /// Error of the second camera's pose relative to the first: share of their distance, degrees, share of the scale.
@@ -92,21 +90,10 @@ fn errors(merged: &Merged) -> (f64, f64, f64) {
 
 #[test]
 fn picks_join_cameras_of_any_frame_and_scale() {
-    let picks_only = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
-    let (result, report) = merged(&project(), &picks_only).unwrap();
+    let (result, report) = merged(&project(), &MergeOptions::default()).unwrap();
     let (shift, turn, scale) = errors(&result);
     assert!(shift < 0.02 && turn < 0.6 && scale < 0.02, "{shift} {turn} {scale}");
     assert!(report.outliers.is_empty() && report.pick_rms_px < 1.0, "{report:?}");
-}
-
-#[test]
-fn common_surfaces_make_it_better() {
-    let (with, report) = merged(&project(), &MergeOptions::default()).unwrap();
-    assert!(report.surface_pairs > 100, "{report:?}");
-    let picks_only = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
-    let (without, _) = merged(&project(), &picks_only).unwrap();
-    let (with, without) = (errors(&with), errors(&without));
-    assert!(with.1 < without.1 && with.1 < 0.2, "{with:?} {without:?}");
 }
 
 #[test]
@@ -140,10 +127,9 @@ fn picks_without_depth_are_told() {
     let mut blind = surface(1);
     blind.depth.fill(0.0);
     let surfaces = [surface(0), blind];
-    let line =
-        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &[], &MergeOptions::default())
-            .unwrap_err()
-            .to_string();
+    let line = merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &MergeOptions::default())
+        .unwrap_err()
+        .to_string();
     assert!(line.contains("depth at only 0") && line.contains("[[point]] 1, b"), "{line}");
 }
 
@@ -167,10 +153,10 @@ fn blind_at(project: &Project, points: &[usize]) -> [Surface; 2] {
 
 #[test]
 fn picks_without_depth_still_count_by_where_their_rays_meet() {
-    let options = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
+    let options = MergeOptions::default();
     let run = |project: &Project| {
         let surfaces = blind_at(project, &[1, 5]);
-        merge(project, &surfaces, &[lens(), lens()], &[vec![], vec![]], &[], &options).unwrap()
+        merge(project, &surfaces, &[lens(), lens()], &[vec![], vec![]], &options).unwrap()
     };
     let mut project = project();
     let (result, report) = run(&project);
@@ -222,10 +208,10 @@ fn bent(camera: usize, slope: f64) -> Surface {
 
 #[test]
 fn bent_depths_are_noticed_and_trusted_less() {
-    let options = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
+    let options = MergeOptions::default();
     let run = |slope: f64| {
         let surfaces = [bent(0, slope), surface(1)];
-        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &[], &options).unwrap()
+        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &options).unwrap()
     };
     let (straight, straight_report) = run(0.0);
     let (result, report) = run(0.5);
@@ -236,84 +222,12 @@ fn bent_depths_are_noticed_and_trusted_less() {
 }
 
 #[test]
-fn bent_surfaces_are_not_forced_on_each_other() {
-    let run = |align_surfaces: bool| {
-        let options = MergeOptions { align_surfaces, ..MergeOptions::default() };
-        let surfaces = [bent(0, 0.3), surface(1)];
-        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &[], &options).unwrap()
-    };
-    let ((picks_only, _), (laid, report)) = (run(false), run(true));
-    let (picks_only, laid) = (errors(&picks_only), errors(&laid));
-    // With stereo's own precision, these surfaces rotate the camera seven times as far.
-    assert!(report.surface_pairs > 100, "{report:?}");
-    assert!(laid.1 < 2.0 * picks_only.1 && laid.0 < picks_only.0, "{laid:?} {picks_only:?}");
-}
-
-#[test]
-fn picks_whose_depth_is_another_surfaces_do_not_make_a_space_bent() {
-    let project = project();
-    // Four of the seven, measured with small deviation on surfaces before or behind, as at the edge of a table.
-    let beside: Vec<MeasuredPixel> = project.points[..4]
-        .iter()
-        .zip([1.06, 0.95, 1.04, 0.93])
-        .map(|(point, off)| {
-            let pixel = point.pixel(1).unwrap();
-            let depth = off * surface(1).point_at(&pixel).unwrap().z;
-            let depth = RayDepth { depth, sigma: 0.008 };
-            MeasuredPixel { pixel, measured: RayMeasurement { depth, seen: Vec::new() } }
-        })
-        .collect();
-    let run = |align_surfaces: bool| {
-        let options = MergeOptions { align_surfaces, ..MergeOptions::default() };
-        let measured = [vec![], beside.clone()];
-        merge(&project, &[surface(0), surface(1)], &[lens(), lens()], &measured, &[], &options).unwrap()
-    };
-    let ((without, _), (with, report)) = (run(false), run(true));
-    assert!(report.depth_sigma[1] > 0.02, "{report:?}");
-    let (without, with) = (errors(&without), errors(&with));
-    assert!(with.1 < 0.5 * without.1 && with.1 < 0.2, "{with:?} {without:?}");
-}
-
-#[test]
-fn vertical_lines_correct_a_camera_rolled_by_its_picks() {
-    // Picks as if the second camera had rolled.
-    let surfaces = [surface(0), surface(1)];
-    let mut project = project();
-    for point in &mut project.points {
-        let pixel = &mut point.picks[1].1;
-        pixel.y += 0.03 * (pixel.x - lens().cx);
-    }
-    let options = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
-    let run = |plumb: &[Option<Plumb>]| {
-        merge(&project, &surfaces, &[lens(), lens()], &[vec![], vec![]], plumb, &options).unwrap().0
-    };
-    let plumb = poses().map(|pose| {
-        let up = pose.rotation * Vector3::z();
-        let across = Matrix3::identity() - up * up.transpose();
-        Some(Plumb { up, covariance: across * 0.1_f64.to_radians().powi(2) })
-    });
-    let askew_deg = |merged: &Merged| {
-        let [first, second] = [0, 1]
-            .map(|i| merged.common_from_camera[i].isometry.rotation * (poses()[i].rotation * Vector3::z()));
-        first.angle(&second).to_degrees()
-    };
-    let (without, with) = (run(&[]), run(&plumb));
-    assert!(askew_deg(&without) > 0.5, "{}", askew_deg(&without));
-    assert!(askew_deg(&with) < 0.2, "{}", askew_deg(&with));
-    assert!(errors(&with).1 < errors(&without).1, "{:?} {:?}", errors(&with), errors(&without));
-    // The vertical of a single camera, or of none, changes nothing.
-    for plumb in [[None, plumb[1]], [None, None]] {
-        assert_eq!(run(&plumb).common_from_camera, without.common_from_camera);
-    }
-}
-
-#[test]
 fn one_camera_alone_stands_where_it_is_and_misses_no_pick() {
     let mut project = project();
     project.cameras.truncate(1);
     project.points.clear();
     let (result, report) =
-        merge(&project, &[surface(0)], &[lens()], &[vec![]], &[None], &MergeOptions::default()).unwrap();
+        merge(&project, &[surface(0)], &[lens()], &[vec![]], &MergeOptions::default()).unwrap();
     assert_eq!(result.common_from_camera, [Similarity3::identity()]);
     assert_eq!(report.pick_rms_px.to_bits(), 0.0_f64.to_bits());
 }

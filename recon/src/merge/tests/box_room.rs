@@ -1,4 +1,4 @@
-//! A room of boxes, and error-free surfaces of it.
+//! A room that is a box, and error-free surfaces of it.
 
 use calib::Intrinsics;
 use glam::Vec3;
@@ -7,24 +7,18 @@ use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
 use crate::surface::{DepthOrigin, Surface};
 
-/// Boxes by their least and greatest corners.
-pub(super) struct Boxes {
-    /// Seen from inside.
-    pub(super) room: [Point3<f64>; 2],
-    /// Seen from outside.
-    pub(super) furniture: Vec<[Point3<f64>; 2]>,
-}
+/// An empty room, seen from inside, by its least and greatest corners.
+pub(super) struct BoxRoom(pub(super) [Point3<f64>; 2]);
 
-impl Boxes {
-    /// Distance along a ray from inside the room to the first surface, and its normal there.
+impl BoxRoom {
+    /// Distance along a ray from inside the room to the wall, and its normal there.
     pub(super) fn hit(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> (f64, Vector3<f64>) {
-        let (_, wall) = crossing(&self.room, eye, ray);
-        let in_front = |cuboid| {
-            let (enters, leaves) = crossing(cuboid, eye, ray);
-            (0.0 < enters.0 && enters.0 < leaves.0).then_some(enters)
+        let [low, high] = &self.0;
+        let leaves = |axis: usize| {
+            let [a, b] = [low, high].map(|corner| (corner[axis] - eye[axis]) / ray[axis]);
+            (a.max(b), axis)
         };
-        let (t, axis) =
-            self.furniture.iter().filter_map(in_front).fold(wall, |a, b| if b.0 < a.0 { b } else { a });
+        let (t, axis) = (0..3).map(leaves).fold((f64::INFINITY, 0), |a, b| if b.0 < a.0 { b } else { a });
         (t, -Vector3::ith(axis, ray[axis].signum()))
     }
 
@@ -52,23 +46,4 @@ impl Boxes {
             step: 0.005,
         }
     }
-}
-
-/// Entry and exit of a ray's line through a box: distance, and axis of the face.
-fn crossing(
-    [low, high]: &[Point3<f64>; 2],
-    eye: &Point3<f64>,
-    ray: &Vector3<f64>,
-) -> ((f64, usize), (f64, usize)) {
-    let (mut enters, mut leaves) = ((f64::NEG_INFINITY, 0), (f64::INFINITY, 0));
-    for axis in 0..3 {
-        let [a, b] = [low, high].map(|corner| (corner[axis] - eye[axis]) / ray[axis]);
-        if a.min(b) > enters.0 {
-            enters = (a.min(b), axis);
-        }
-        if a.max(b) < leaves.0 {
-            leaves = (a.max(b), axis);
-        }
-    }
-    (enters, leaves)
 }
