@@ -16,7 +16,7 @@
 //! * [`rolling_shutter`] — correction of frames whose rows were read one after the other.
 //! * [`plumb`] — the vertical, estimated from edges in the pictures.
 //! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
-//! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces, one adjustment of all
+//! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, one adjustment of all
 //!   captures), [`floor`] (Hough transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
 //! * [`verdict`] — green, amber or red, with reasons: whether a built room is to be believed.
 //! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
