@@ -74,10 +74,11 @@ fn built(project: &Path) -> Result<BuildReport, String> {
 fn describe(seed: u64, name: &str, report: &BuildReport) {
     let evidence = &report.evidence;
     println!(
-        "{seed} {name:<12} {:<6}   reach {:.1} m, floor {:.3}",
+        "{seed} {name:<12} {:<6}   reach {:.1} m, floor {:.3}, {} features shared",
         report.verdict.light.word(),
         evidence.reach_m,
-        evidence.floor_share
+        evidence.floor_share,
+        report.shared_features
     );
     for (camera, film) in evidence.cameras.iter().zip(&report.cameras) {
         println!(

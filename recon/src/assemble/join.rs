@@ -1,6 +1,8 @@
-//! All cameras in one frame, with the vertical and the floor there. Cameras are first joined by the picks, where a coarse floor
-//! gives the approximate vertical, beside which vertical lines in the pictures are looked for. Then their captures are adjusted
-//! together, the floor is found by the surfaces and the lines, and they are adjusted with their features on it.
+//! All cameras in one frame, with the vertical and the floor there.
+//!
+//! The cameras are first joined by the picks. A coarse search finds a floor under them, whose normal is near the vertical; with
+//! it, the vertical lines of the pictures are told from other lines. Then the captures are adjusted together, the floor is found
+//! by surfaces and vertical lines, and the captures are adjusted once more with their features on the floor in one plane.
 
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
@@ -35,7 +37,7 @@ impl JoinedCameras {
 }
 
 impl Captures<'_> {
-    /// Joins the cameras by the picks, and adjusts them with their captures where these are at hand.
+    /// Joins the cameras by the picks, then adjusts all captures together where their motions are given.
     pub(super) fn join_cameras(&self, project: &Project, options: &AssembleOptions) -> Result<JoinedCameras> {
         let joined = merge::merge(project, self.surfaces, self.lenses, self.measured, &options.merge)?;
         let plumb = self.plumb(&joined.0, options);

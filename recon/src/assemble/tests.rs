@@ -13,11 +13,12 @@ use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
 use synthetic::RoomOptions;
 
+/// The same point in single precision, in which rays are cast.
 fn single(p: &Point3<f64>) -> Vec3 {
     Vec3::new(p.x as f32, p.y as f32, p.z as f32)
 }
 
-/// What a pixel shows: its place, and its depth along the camera's axis, metres.
+/// Point of the room that a camera shows at a pixel, and the depth of this point along the camera's axis; both in metres.
 fn hit(scene: &RayScene, camera: &Camera, pixel: &Point2<f64>) -> Option<(Point3<f64>, f64)> {
     let direction = camera.camera_from_world.rotation.inverse() * camera.intrinsics.unproject(pixel)?;
     let depth_m = f64::from(scene.cast(single(&camera.center()), single(&Point3::from(direction)))?.distance);
@@ -78,7 +79,7 @@ struct Filmed {
 }
 
 impl Filmed {
-    /// Carries a camera around its place and follows features of its picture to within a sixth of a pixel.
+    /// Moves a camera around its installed pose and follows 600 pixels of its reference picture, each to within 0.17 pixels.
     fn around(camera: &Camera, scene: &RayScene, unit_m: f64, rng: &mut Pcg64Mcg) -> Self {
         const FRAMES: usize = 16;
         const FEATURES: usize = 600;

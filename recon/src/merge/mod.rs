@@ -155,7 +155,15 @@ pub(crate) fn adjust<'a>(
     let shared = adjustment::shared_features(motions, surfaces, &merged.common_from_camera)?;
     let bundle = adjustment::adjust(motions, surfaces, merged, (&picks, options.pick_sigma_px), &shared);
     let report = MergeReport { shared_features: shared.len(), ..report.clone() };
-    Ok(AdjustedCaptures { bundle, surfaces, picks, merged: merged.clone(), report }.taken())
+    let adjusted = AdjustedCaptures { bundle, surfaces, picks, merged: merged.clone(), report }.taken();
+    if adjusted.is_none() {
+        tracing::warn!(
+            "{}: [[point]]: what the captures show contradicts the picks, so the cameras stand where the picks alone put them, \
+             less precisely; check each pick",
+            project.path.display()
+        );
+    }
+    Ok(adjusted)
 }
 
 impl AdjustedCaptures<'_> {

@@ -1,5 +1,6 @@
 //! Kills of `tracker serve`: of the supervisor and of a room's worker in turn.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
@@ -15,6 +16,10 @@ const LONGEST: Duration = Duration::from_secs(9);
 /// Longest wait for a process to end, or to write.
 const PATIENCE: Duration = Duration::from_mins(1);
 const POLL: Duration = Duration::from_millis(50);
+/// Name of the heat map: seconds that people spent on each cell of the floor, …
+const HEAT_MAP: &str = "heat.csv";
+/// … and what rounding may take from a cell, seconds.
+const ROUNDING_S: f64 = 0.006;
 
 /// Kills a service of one room, which films, again and again; at the end it is asked to end.
 ///
@@ -103,17 +108,38 @@ fn still_there(process: u32) -> Option<String> {
     None
 }
 
-/// Files of lines that have lost lines since the last look, which `before` holds.
+/// Files that have lost lines or seconds since the last look, which `before` holds.
 fn shortened(out: &Path, before: &mut Vec<(PathBuf, Vec<u8>)>) -> Vec<String> {
     let is_of_lines = |name: &Path| name.extension().is_some_and(|end| end == "jsonl" || end == "csv");
     let now: Vec<_> = files(out).into_iter().filter(|(name, _)| is_of_lines(name)).collect();
     let lost = before.iter().filter(|(name, old)| {
-        let whole = old.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-        !now.iter().any(|(other, new)| other == name && new.starts_with(&old[..whole]))
+        let Some((_, new)) = now.iter().find(|(other, _)| other == name) else { return true };
+        if name.ends_with(HEAT_MAP) { has_lost_seconds(old, new) } else { has_lost_lines(old, new) }
     });
     let lost = lost.map(|(name, _)| format!("{} has lost lines", name.display())).collect();
     *before = now;
     lost
+}
+
+/// Whether a file that only grows at its end does not begin with the whole lines that it had.
+fn has_lost_lines(old: &[u8], new: &[u8]) -> bool {
+    let whole = old.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+    !new.starts_with(&old[..whole])
+}
+
+/// Whether a cell of a heat map has fewer seconds than it had. The file is replaced as a whole, with its cells in the order of
+/// the floor, so that new cells stand between old ones.
+fn has_lost_seconds(old: &[u8], new: &[u8]) -> bool {
+    let cells = |bytes: &[u8]| -> HashMap<String, f64> {
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        let cell = |row: &str| {
+            let (cell, seconds) = row.rsplit_once(',')?;
+            Some((cell.to_owned(), seconds.parse().ok()?))
+        };
+        text.lines().skip(1).filter_map(cell).collect()
+    };
+    let new = cells(new);
+    cells(old).iter().any(|(cell, seconds)| new.get(cell).is_none_or(|now| *now < seconds - ROUNDING_S))
 }
 
 /// Waits until the service writes again.
@@ -144,5 +170,27 @@ fn ended(child: &mut Child) -> Option<String> {
             }
             _ => std::thread::sleep(POLL),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_heat_map_may_gain_cells_and_seconds_and_lose_neither() {
+        let old = b"x,y,seconds\n0.125,0.125,1.50\n0.375,0.125,0.20\n";
+        let grown = b"x,y,seconds\n0.125,0.125,1.50\n-0.125,0.375,0.10\n0.375,0.125,0.90\n";
+        assert!(!has_lost_seconds(old, grown) && !has_lost_seconds(old, old));
+        assert!(has_lost_seconds(grown, old), "a cell is gone");
+        assert!(has_lost_seconds(old, b"x,y,seconds\n0.125,0.125,1.40\n0.375,0.125,0.20\n"));
+        assert!(has_lost_seconds(old, b"x,y,seconds\n") && has_lost_seconds(old, b""));
+    }
+
+    #[test]
+    fn lines_may_be_added_at_the_end_alone() {
+        assert!(!has_lost_lines(b"1\n2\n", b"1\n2\n3\n"));
+        assert!(!has_lost_lines(b"1\n2", b"1\n"), "the last line was not whole");
+        assert!(has_lost_lines(b"1\n2\n", b"1\n") && has_lost_lines(b"1\n2\n", b"0\n1\n2\n"));
     }
 }
