@@ -1,8 +1,9 @@
 //! The verdict of `recon build` about projects of synthetic rooms that were never tuned on: good ones should be green,
 //! those with one of five usual mistakes red (or refused) or amber. Draft quality.
 //!
-//! `cargo bench -p tests --bench verdict [-- GOOD [SPOILT [FIRST-SEED]]]`: GOOD good projects, and SPOILT projects of each
-//! mistake; 12 and 4 by default. The whole campaign is `-- 60 12`: 60 good and 60 spoilt projects.
+//! `cargo bench -p tests --bench verdict [-- GOOD [SPOILT [FIRST-SEED]] [good|pick|swapped …]]`: GOOD good projects, and SPOILT
+//! projects of each mistake, or of the mistakes that are named; 12 and 4 by default. The whole campaign is `-- 60 12`: 60 good
+//! and 60 spoilt projects.
 #![forbid(unsafe_code)]
 
 use std::collections::BTreeMap;
@@ -27,7 +28,9 @@ struct Outcomes {
 }
 
 fn main() -> StepResult<()> {
-    let mut asked = std::env::args().skip(1).filter_map(|a| a.parse::<u64>().ok());
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let names: Vec<&String> = arguments.iter().filter(|a| a.parse::<u64>().is_err()).collect();
+    let mut asked = arguments.iter().filter_map(|a| a.parse::<u64>().ok());
     let good = asked.next().unwrap_or(12);
     let spoilt = asked.next().unwrap_or(4);
     let first = asked.next().unwrap_or(FIRST_SEED);
@@ -38,8 +41,11 @@ fn main() -> StepResult<()> {
         let is_spoilt = seed < first + spoilt;
         let kinds = std::iter::once(None).chain(Mistake::ALL.map(Some));
         for mistake in kinds.filter(|kind| if kind.is_some() { is_spoilt } else { true }) {
-            let project = filmed.project(mistake)?;
             let name = mistake.map_or("good".to_owned(), |m| format!("{m:?}").to_lowercase());
+            if !names.is_empty() && !names.contains(&&name) {
+                continue;
+            }
+            let project = filmed.project(mistake)?;
             let of_kind = outcomes.entry(name.clone()).or_default();
             match built(&project) {
                 Ok(report) => {
@@ -74,11 +80,10 @@ fn built(project: &Path) -> Result<BuildReport, String> {
 fn describe(seed: u64, name: &str, report: &BuildReport) {
     let evidence = &report.evidence;
     println!(
-        "{seed} {name:<12} {:<6}   reach {:.1} m, floor {:.3}, {} features shared",
+        "{seed} {name:<12} {:<6}   reach {:.1} m, floor {:.3}",
         report.verdict.light.word(),
         evidence.reach_m,
-        evidence.floor_share,
-        report.shared_features
+        evidence.floor_share
     );
     for (camera, film) in evidence.cameras.iter().zip(&report.cameras) {
         println!(
@@ -93,14 +98,15 @@ fn describe(seed: u64, name: &str, report: &BuildReport) {
     }
     for pair in &evidence.pairs {
         println!(
-            "      {} picks, {} left out, {:.2} px; {} overlapping, {:.3} in the way; correlation {:.2} at {}",
+            "      {} picks, {} left out, {:.2} px; {} overlapping, {:.3} in the way; correlation {:.2} at {}; {} features shared",
             pair.picks,
             pair.left_out,
             pair.rms_px,
             pair.overlapping,
             pair.in_the_way,
             pair.correlation,
-            pair.compared
+            pair.compared,
+            pair.shared_features.unwrap_or_default()
         );
     }
     for reason in &report.verdict.reasons {

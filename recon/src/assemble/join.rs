@@ -65,8 +65,9 @@ impl Captures<'_> {
     ) -> Result<JoinedCameras> {
         let Captures { motions, surfaces, lenses, measured, .. } = *self;
         let captures = MergedCaptures { motions, surfaces, lenses, measured };
-        let (merged, report) = joined;
-        let Some(adjusted) = merge::adjust(project, &captures, (&merged, &report), &options.merge)? else {
+        let (merged, mut report) = joined;
+        let Some(adjusted) = merge::adjust(project, &captures, (&merged, &mut report), &options.merge)?
+        else {
             let floor = self.floor(&merged, plumb, options);
             return Ok(JoinedCameras::new(merged, report, floor));
         };

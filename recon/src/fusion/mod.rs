@@ -3,10 +3,11 @@
 //! Surfaces that another camera looks through are dropped ([`Witness`]). Of what is left, surfaces that two cameras see alike are
 //! kept once: measured rather than filled in, then from the camera with the finer resolution. Smooth regions become larger discs
 //! ([`blocks`]), so that a wall does not cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no
-//! camera sees the place itself.
+//! camera sees the place itself. Before all that, the floor is continued to where nothing was measured ([`open_floor`]).
 
 mod blocks;
 pub(crate) mod key_frames;
+pub(crate) mod open_floor;
 mod witness;
 
 use glam::Vec3;

@@ -65,6 +65,13 @@ pub(super) struct SharedFeature {
     pub(super) share: f64,
 }
 
+impl SharedFeature {
+    /// Tells whether these two cameras, the first before the second, share it.
+    pub(super) fn is_between(&self, [a, b]: [usize; 2]) -> bool {
+        [self.capture.min(self.camera), self.capture.max(self.camera)] == [a, b]
+    }
+}
+
 /// Result of the adjustment.
 #[derive(Debug, Clone)]
 pub(super) struct Adjusted {
@@ -87,21 +94,19 @@ pub(super) fn shared_features(
     let features: Vec<(Vec<usize>, Vec<Point2<f64>>)> =
         motions.iter().zip(surfaces).map(|(motion, surface)| motion.in_reference(surface)).collect();
     let mut shared = Vec::new();
-    for a in 0..motions.len() {
-        for b in a + 1..motions.len() {
-            let relative = start[a].inverse() * start[b];
-            let pixels = [features[a].1.as_slice(), &features[b].1];
-            let found = proposals::found_in_both([&surfaces[a], &surfaces[b]], &relative, pixels)?;
-            for (found, capture, camera) in [(&found[0], a, b), (&found[1], b, a)] {
-                let share = (MOST_INDEPENDENT / found.len() as f64).min(1.0);
-                shared.extend(found.iter().map(|(index, pixel)| SharedFeature {
-                    capture,
-                    feature: features[capture].0[*index],
-                    camera,
-                    pixel: *pixel,
-                    share,
-                }));
-            }
+    for [a, b] in super::pairs(motions.len()) {
+        let relative = start[a].inverse() * start[b];
+        let pixels = [features[a].1.as_slice(), &features[b].1];
+        let found = proposals::found_in_both([&surfaces[a], &surfaces[b]], &relative, pixels)?;
+        for (found, capture, camera) in [(&found[0], a, b), (&found[1], b, a)] {
+            let share = (MOST_INDEPENDENT / found.len() as f64).min(1.0);
+            shared.extend(found.iter().map(|(index, pixel)| SharedFeature {
+                capture,
+                feature: features[capture].0[*index],
+                camera,
+                pixel: *pixel,
+                share,
+            }));
         }
     }
     Ok(shared)

@@ -14,6 +14,8 @@ mod refine;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Isometry3, Point2, Point3, Similarity3};
 use serde::{Deserialize, Serialize};
 
@@ -58,8 +60,17 @@ pub struct MergeReport {
     pub misfits_px: Vec<(usize, usize, f64)>,
     /// Estimated relative standard deviation of the depths at each camera's picks.
     pub depth_sigma: Vec<f64>,
-    /// Number of features of a capture that were found in another camera's picture, for the adjustment of all captures.
-    pub shared_features: usize,
+    /// The adjustment of all captures; `None` for one camera, and for surfaces without motions.
+    pub adjustment: Option<AdjustmentReport>,
+}
+
+/// Report of the adjustment of all captures.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct AdjustmentReport {
+    /// Number of features of either camera that were found in the other's picture, for each pair of cameras.
+    pub shared_features: BTreeMap<[usize; 2], usize>,
+    /// Whether it contradicts the picks; then it is not used.
+    pub contradicts_picks: bool,
 }
 
 impl MergeReport {
@@ -136,14 +147,14 @@ pub(crate) struct AdjustedCaptures<'a> {
 }
 
 /// Adjusts all captures together from where they were merged. `None` for one camera, for surfaces without motions, and where the
-/// adjustment contradicts the picks.
+/// adjustment contradicts the picks, which the report then tells.
 ///
 /// # Errors
 /// [`Error::Calib`] when OpenCV refuses.
 pub(crate) fn adjust<'a>(
     project: &Project,
     captures: &MergedCaptures<'a>,
-    (merged, report): (&Merged, &MergeReport),
+    (merged, report): (&Merged, &mut MergeReport),
     options: &MergeOptions,
 ) -> Result<Option<AdjustedCaptures<'a>>> {
     let MergedCaptures { motions, surfaces, lenses, measured } = *captures;
@@ -154,14 +165,13 @@ pub(crate) fn adjust<'a>(
     picks.retain(|pick| !report.is_left_out(pick.point + 1));
     let shared = adjustment::shared_features(motions, surfaces, &merged.common_from_camera)?;
     let bundle = adjustment::adjust(motions, surfaces, merged, (&picks, options.pick_sigma_px), &shared);
-    let report = MergeReport { shared_features: shared.len(), ..report.clone() };
-    let adjusted = AdjustedCaptures { bundle, surfaces, picks, merged: merged.clone(), report }.taken();
-    if adjusted.is_none() {
-        tracing::warn!(
-            "{}: [[point]]: what the captures show contradicts the picks, so the cameras stand where the picks alone put them, \
-             less precisely; check each pick",
-            project.path.display()
-        );
+    let between = |pair| (pair, shared.iter().filter(|feature| feature.is_between(pair)).count());
+    let shared_features = pairs(surfaces.len()).map(between).collect();
+    report.adjustment = Some(AdjustmentReport { shared_features, contradicts_picks: false });
+    let start = AdjustedCaptures { bundle, surfaces, picks, merged: merged.clone(), report: report.clone() };
+    let adjusted = start.taken();
+    if let (None, Some(told)) = (&adjusted, &mut report.adjustment) {
+        told.contradicts_picks = true;
     }
     Ok(adjusted)
 }
@@ -189,8 +199,25 @@ impl AdjustedCaptures<'_> {
             );
             return None;
         }
-        let report = MergeReport { pick_rms_px, misfits_px, ..self.report };
+        let depth_sigma = (0..self.surfaces.len()).map(|camera| self.depth_sigma(camera, &merged)).collect();
+        let report = MergeReport { pick_rms_px, misfits_px, depth_sigma, ..self.report };
         Some(Self { merged, report, ..self })
+    }
+
+    /// Relative standard deviation of a camera's depths at the picks, by the median of their distances from the adjusted points;
+    /// 0 without any.
+    fn depth_sigma(&self, camera: usize, merged: &Merged) -> f64 {
+        /// Median of the absolute value of a standard normal variable.
+        const MEDIAN: f64 = 0.6745;
+        let camera_from_common = merged.common_from_camera[camera].inverse();
+        let of_camera = self.picks.iter().filter(|pick| pick.camera == camera);
+        let mut off: Vec<f64> = of_camera
+            .filter_map(|pick| {
+                Some(((camera_from_common * merged.points[pick.point]?).z / pick.depth?.0 - 1.0).abs())
+            })
+            .collect();
+        off.sort_by(f64::total_cmp);
+        off.get(off.len() / 2).map_or(0.0, |median| median / MEDIAN)
     }
 
     /// Adjusts once more with the features on the floor in one plane, and returns that plane in the common frame. `None` where few
@@ -203,6 +230,11 @@ impl AdjustedCaptures<'_> {
         let floor = laid.bundle.floor();
         Some((laid, floor))
     }
+}
+
+/// All pairs of cameras.
+pub(crate) fn pairs(cameras: usize) -> impl Iterator<Item = [usize; 2]> {
+    (0..cameras).flat_map(move |a| (a + 1..cameras).map(move |b| [a, b]))
 }
 
 /// Tells whether further constraints spoil the fit of the picks: root mean square distances with them and without them,

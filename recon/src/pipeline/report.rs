@@ -228,7 +228,8 @@ impl BuildReport {
                 format!("[[point]] {point}, {name}: {off:.1} pixels from where the other picks put it")
             })
             .collect();
-        self.shared_features = done.merge.shared_features;
+        self.shared_features =
+            done.merge.adjustment.iter().flat_map(|told| told.shared_features.values()).sum();
         self.pick_depth_sigma.clone_from(&done.merge.depth_sigma);
         self.floor_rms_m = done.floor.rms * done.metres_per_unit;
         self.floor_share = done.floor.area_share;

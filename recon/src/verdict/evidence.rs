@@ -4,7 +4,7 @@ use nalgebra::{Point3, Similarity3, Vector3};
 use serde::Serialize;
 
 use crate::floor::Plane;
-use crate::merge::{MergeReport, Merged};
+use crate::merge::{self, MergeReport, Merged};
 use crate::plumb;
 use crate::project::Project;
 use crate::proposals;
@@ -26,6 +26,8 @@ pub struct RoomEvidence {
     pub floor_share: f64,
     /// Median distance of the measured surfaces from their cameras, metres.
     pub reach_m: f64,
+    /// Whether what the captures show contradicts the picks, so that the picks alone place the cameras.
+    pub adjustment_contradicts_picks: bool,
     /// Each known length beside what the room has there.
     pub lengths: Vec<LengthResidual>,
     /// Each control point beside where the room has it.
@@ -63,6 +65,8 @@ pub struct PairEvidence {
     pub compared: usize,
     /// Median correlation of both pictures there.
     pub correlation: f64,
+    /// Number of features of either that were found in the other's picture; `None` where they were not searched.
+    pub shared_features: Option<usize>,
 }
 
 /// Gathers the evidence about an assembled room, but for its known metres.
@@ -93,6 +97,7 @@ pub(crate) fn gather(
         pairs: pairs(project, surfaces, merged, report),
         floor_share,
         reach_m: reach(surfaces, &merged.common_from_camera) * metres_per_unit,
+        adjustment_contradicts_picks: report.adjustment.as_ref().is_some_and(|told| told.contradicts_picks),
         ..RoomEvidence::default()
     }
 }
@@ -103,34 +108,35 @@ fn pairs(
     merged: &Merged,
     report: &MergeReport,
 ) -> Vec<PairEvidence> {
-    let count = surfaces.len();
-    let both = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b]));
-    both.map(|cameras| {
-        let [a, b] = cameras;
-        let shared: Vec<usize> = (1..=project.points.len())
-            .filter(|number| cameras.iter().all(|c| project.points[number - 1].pixel(*c).is_some()))
-            .collect();
-        let left_out = shared.iter().filter(|number| report.is_left_out(**number)).count();
-        let off: Vec<f64> = report
-            .misfits_px
-            .iter()
-            .filter(|(number, camera, _)| cameras.contains(camera) && shared.contains(number))
-            .map(|(.., off)| off * off)
-            .collect();
-        let first_from_second = merged.common_from_camera[a].inverse() * merged.common_from_camera[b];
-        let seen = proposals::evidence_of([&surfaces[a], &surfaces[b]], &first_from_second);
-        PairEvidence {
-            cameras,
-            picks: shared.len() - left_out,
-            left_out,
-            rms_px: (off.iter().sum::<f64>().abs() / off.len().max(1) as f64).sqrt(),
-            overlapping: seen.overlapping,
-            in_the_way: seen.in_the_way,
-            compared: seen.compared,
-            correlation: seen.correlation,
-        }
-    })
-    .collect()
+    let found = report.adjustment.as_ref().map(|told| &told.shared_features);
+    merge::pairs(surfaces.len())
+        .map(|cameras| {
+            let [a, b] = cameras;
+            let shared: Vec<usize> = (1..=project.points.len())
+                .filter(|number| cameras.iter().all(|c| project.points[number - 1].pixel(*c).is_some()))
+                .collect();
+            let left_out = shared.iter().filter(|number| report.is_left_out(**number)).count();
+            let off: Vec<f64> = report
+                .misfits_px
+                .iter()
+                .filter(|(number, camera, _)| cameras.contains(camera) && shared.contains(number))
+                .map(|(.., off)| off * off)
+                .collect();
+            let first_from_second = merged.common_from_camera[a].inverse() * merged.common_from_camera[b];
+            let seen = proposals::evidence_of([&surfaces[a], &surfaces[b]], &first_from_second);
+            PairEvidence {
+                cameras,
+                picks: shared.len() - left_out,
+                left_out,
+                rms_px: (off.iter().sum::<f64>().abs() / off.len().max(1) as f64).sqrt(),
+                overlapping: seen.overlapping,
+                in_the_way: seen.in_the_way,
+                compared: seen.compared,
+                correlation: seen.correlation,
+                shared_features: found.and_then(|found| found.get(&cameras).copied()),
+            }
+        })
+        .collect()
 }
 
 /// Median distance of measured surface points from their camera, in the common unit.

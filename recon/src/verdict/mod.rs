@@ -2,9 +2,9 @@
 //!
 //! A room can be finished and wrong: three picks of a pair fit whatever they are, a façade can be taken for the floor, a
 //! length can be in millimetres. [`evidence`] gathers what bears a room out or contradicts it: surfaces that stand in
-//! another camera's view, how alike pictures are where surfaces coincide, the number of picks, vertical lines in the
-//! pictures, heights and distances in metres, known lengths that
-//! contradict each other. [`judge`] compares these with bounds. *Red*: the room contradicts itself or
+//! another camera's view, how alike pictures are where surfaces coincide, features that are found in both, the number of picks
+//! and whether the captures' motions contradict them, vertical lines in the pictures, heights and distances in metres, known
+//! lengths that contradict each other. [`judge`] compares these with bounds. *Red*: the room contradicts itself or
 //! is of an impossible size. *Amber*: it is doubtful, or nothing bears it out. *Green*: all else.
 
 pub mod evidence;
@@ -138,6 +138,7 @@ pub fn judge(evidence: &RoomEvidence, captures: &[CaptureFigures]) -> Verdict {
     metres::lengths(&evidence.lengths, &mut reasons);
     metres::control_points(&evidence.control_points, &mut reasons);
     pairs(evidence, captures, &mut reasons);
+    adjustment(evidence, captures, &mut reasons);
     floor(evidence, captures, &mut reasons);
     for (index, capture) in captures.iter().enumerate() {
         of_capture(index, capture, evidence, &mut reasons);
@@ -259,6 +260,30 @@ impl PairEvidence {
             (Light::Amber, true) => Light::Green,
             (Light::Amber, false) if is_compared => Light::Red,
             (light, _) => light,
+        }
+    }
+}
+
+/// Captures that contradict the picks, and a camera whose picture looks like the others' and shares no feature with them:
+/// a pattern that repeats looks alike at a wrong place, too.
+fn adjustment(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec<Reason>) {
+    if evidence.adjustment_contradicts_picks {
+        let text = "the captures' own motions contradict the picks, which alone place the cameras now: check each pick, and that \
+                    each capture is this camera's";
+        reasons.push(Reason { light: Light::Amber, text: text.into() });
+    }
+    for (index, capture) in captures.iter().enumerate() {
+        let of_camera = || evidence.pairs.iter().filter(move |pair| pair.cameras.contains(&index));
+        let shares_nothing = of_camera().all(|pair| pair.shared_features == Some(0));
+        // Of two cameras the first tells it for both.
+        let is_told = evidence.cameras.len() == 2 && index == 1;
+        if of_camera().any(PairEvidence::is_borne_out) && shares_nothing && !is_told {
+            let text = format!(
+                "the picture of `{}` looks like others where surfaces coincide, but no feature of it is found in them again: a \
+                 pattern that repeats may deceive; check its picks, and that the capture is this camera's",
+                capture.name
+            );
+            reasons.push(Reason { light: Light::Amber, text });
         }
     }
 }

@@ -26,6 +26,7 @@ fn evidence() -> RoomEvidence {
         in_the_way: 0.02,
         compared: 300,
         correlation: 0.7,
+        shared_features: Some(60),
     };
     RoomEvidence {
         cameras: vec![camera.clone(), camera],
@@ -194,4 +195,39 @@ fn control_points_that_are_off_are_named() {
         light == Light::Amber && text.contains("[[control]] 2") && text.contains("height -20.0 cm"),
         "{text}"
     );
+}
+
+#[test]
+fn pictures_that_look_alike_and_share_no_feature_are_doubted() {
+    let (light, text) = judged(|room, _| room.pairs[0].shared_features = Some(0));
+    assert!(light == Light::Amber && text.contains("`left`") && text.contains("no feature"), "{text}");
+    // Features that were not searched tell nothing, nor do those of pictures that hardly overlap.
+    assert_eq!(judged(|room, _| room.pairs[0].shared_features = None).0, Light::Green);
+    let apart = |room: &mut RoomEvidence, _: &mut Vec<CaptureFigures>| {
+        (room.pairs[0].shared_features, room.pairs[0].compared) = (Some(0), 20);
+    };
+    assert_eq!(judged(apart).0, Light::Green);
+
+    // Of three cameras each shares features with one other: nobody stands alone.
+    let three = |of_third: usize| {
+        judged(move |room, captures| {
+            captures.push(CaptureFigures { name: "third".into(), ..captures[0].clone() });
+            room.cameras.push(room.cameras[0].clone());
+            let pair = |cameras, shared: usize| PairEvidence {
+                cameras,
+                shared_features: Some(shared),
+                ..room.pairs[0].clone()
+            };
+            room.pairs = vec![pair([0, 1], 60), pair([0, 2], 0), pair([1, 2], of_third)];
+        })
+    };
+    assert_eq!(three(12).0, Light::Green);
+    let (light, text) = three(0);
+    assert!(light == Light::Amber && text.contains("`third`"), "{text}");
+}
+
+#[test]
+fn captures_that_contradict_the_picks_are_told() {
+    let (light, text) = judged(|room, _| room.adjustment_contradicts_picks = true);
+    assert!(light == Light::Amber && text.contains("contradict the picks"), "{text}");
 }
