@@ -21,7 +21,7 @@ use crate::verdict::RoomEvidence;
 use crate::{Error, Result, scale, verdict};
 use join::JoinedCameras;
 
-/// Relative error of the depth at a pick from which on it is reported.
+/// Relative error of a camera's depths from which on it is reported.
 const DOUBTFUL_DEPTH: f64 = 0.015;
 
 /// Options of a room's assembly.
@@ -94,7 +94,7 @@ pub fn assemble(
     for (camera, sigma) in project.cameras.iter().zip(&merge_report.depth_sigma) {
         if *sigma > DOUBTFUL_DEPTH {
             tracing::warn!(
-                "camera `{}`: its depths are off by about {:.1} % at the picks, so its space is bent; check the intrinsics, and film along a wider path",
+                "camera `{}`: its depths are off by about {:.1} %, so its space is bent; check the intrinsics, and film along a wider path",
                 camera.name,
                 100.0 * sigma
             );

@@ -146,12 +146,9 @@ fn furnished_rooms_come_out_metric_and_upright() {
             let lift_m = f.center().z - t.center().z;
             assert!(tilt_deg < 0.2 && lift_m.abs() < 0.02, "seed {seed}: {tilt_deg}°, {lift_m} m");
         }
-        // The depths at the picks err by 0.5 % and, at edges, by more.
+        // What the captures alone know of their depths.
         let merge = &report.merge;
-        assert!(
-            merge.depth_sigma.iter().all(|sigma| (0.001..0.03).contains(sigma)),
-            "seed {seed}: {merge:?}"
-        );
+        assert!(merge.depth_sigma.iter().all(|sigma| (1e-6..0.01).contains(sigma)), "seed {seed}: {merge:?}");
         let adjustment = merge.adjustment.as_ref().unwrap();
         assert!(!adjustment.contradicts_picks && adjustment.shared_features.contains_key(&[0, 1]));
     }

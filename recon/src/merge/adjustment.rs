@@ -36,6 +36,8 @@ const FOUND_SIGMA_PX: f64 = 0.25;
 const MOST_INDEPENDENT: f64 = 100.0;
 /// Number of standard deviations from which on a residual counts as an outlier's: half as much as others at that distance.
 const OUTLYING: f64 = 2.0;
+/// Median of the absolute value of a standard normal variable.
+const NORMAL_MEDIAN: f64 = 0.6745;
 /// Largest distance of such a feature from its projection by the start, pixels.
 const FARTHEST_PX: f64 = 12.0;
 
@@ -80,6 +82,8 @@ pub(super) struct Adjusted {
     pub(super) picks: Vec<(usize, Point3<f64>)>,
     /// The first camera's unit in that of the bundle.
     pub(super) unit: f64,
+    /// Relative standard deviation of each capture's own depths: by how much the adjustment changed them beside the scale.
+    pub(super) depth_sigma: Vec<f64>,
 }
 
 /// Searches the features of each capture's reference frame in the reference pictures of the others.
@@ -262,19 +266,19 @@ impl<'a> JointBundle<'a> {
     /// Cameras and picks as they are now.
     pub(super) fn adjusted(&self) -> Adjusted {
         let first = self.state.poses[self.references[0]];
-        let camera = |capture: usize| {
-            let pose = self.state.poses[self.references[capture]];
-            let old_z = |feature: usize| self.motions[capture].points[feature].position.z;
-            let features = self.point_of[capture].iter().enumerate();
-            let stretched = features.filter_map(|(feature, point)| {
-                let (now, before) = ((pose * self.state.points[(*point)?]).z, old_z(feature));
-                (now > 0.0 && before > 0.0).then(|| now / before)
-            });
-            let scale = median(stretched.collect()).unwrap_or(self.start_scales[capture]);
-            let back = first * pose.inverse();
+        let stretched: Vec<Vec<f64>> =
+            (0..self.motions.len()).map(|capture| self.stretched(capture)).collect();
+        let camera = |(capture, stretched): (usize, &Vec<f64>)| {
+            let scale = median(stretched.clone()).unwrap_or(self.start_scales[capture]);
+            let back = first * self.reference_pose(capture).inverse();
             Similarity3::from_parts(back.translation, back.rotation, scale)
         };
-        let moved: Vec<Similarity3<f64>> = (0..self.motions.len()).map(camera).collect();
+        let moved: Vec<Similarity3<f64>> = stretched.iter().enumerate().map(camera).collect();
+        let depth_sigma = stretched.iter().zip(&moved).map(|(stretched, camera)| {
+            let off = stretched.iter().map(|stretch| (stretch / camera.scaling() - 1.0).abs());
+            median(off.collect()).map_or(0.0, |off| off / NORMAL_MEDIAN)
+        });
+        let depth_sigma = depth_sigma.collect();
         let unit = moved[0].scaling();
         let in_unit = |s: &Similarity3<f64>| {
             let shift = s.isometry.translation.vector / unit;
@@ -285,7 +289,19 @@ impl<'a> JointBundle<'a> {
             common_from_camera: moved.iter().map(in_unit).collect(),
             picks: self.picks.iter().map(|(number, point)| (*number, place(*point))).collect(),
             unit,
+            depth_sigma,
         }
+    }
+
+    /// Depth of each feature of a capture over the depth that the capture alone gives it.
+    fn stretched(&self, capture: usize) -> Vec<f64> {
+        let pose = self.reference_pose(capture);
+        let features = self.motions[capture].points.iter().zip(&self.point_of[capture]);
+        let of_feature = |(feature, point): (&SparsePoint, &Option<usize>)| {
+            let (now, before) = ((pose * self.state.points[(*point)?]).z, feature.position.z);
+            (now > 0.0 && before > 0.0).then(|| now / before)
+        };
+        features.filter_map(of_feature).collect()
     }
 
     fn add(&mut self, place: Point3<f64>, seen: Vec<Observation>) -> usize {

@@ -58,7 +58,7 @@ pub struct MergeReport {
     /// Distance of each pick that fits from the projection of its point: number of the point (from 1), index of the
     /// camera, pixels.
     pub misfits_px: Vec<(usize, usize, f64)>,
-    /// Estimated relative standard deviation of the depths at each camera's picks.
+    /// Estimated relative standard deviation of each camera's depths: at its picks, or of its features where captures were adjusted.
     pub depth_sigma: Vec<f64>,
     /// The adjustment of all captures; `None` for one camera, and for surfaces without motions.
     pub adjustment: Option<AdjustmentReport>,
@@ -199,25 +199,9 @@ impl AdjustedCaptures<'_> {
             );
             return None;
         }
-        let depth_sigma = (0..self.surfaces.len()).map(|camera| self.depth_sigma(camera, &merged)).collect();
-        let report = MergeReport { pick_rms_px, misfits_px, depth_sigma, ..self.report };
+        let report =
+            MergeReport { pick_rms_px, misfits_px, depth_sigma: adjusted.depth_sigma, ..self.report };
         Some(Self { merged, report, ..self })
-    }
-
-    /// Relative standard deviation of a camera's depths at the picks, by the median of their distances from the adjusted points;
-    /// 0 without any.
-    fn depth_sigma(&self, camera: usize, merged: &Merged) -> f64 {
-        /// Median of the absolute value of a standard normal variable.
-        const MEDIAN: f64 = 0.6745;
-        let camera_from_common = merged.common_from_camera[camera].inverse();
-        let of_camera = self.picks.iter().filter(|pick| pick.camera == camera);
-        let mut off: Vec<f64> = of_camera
-            .filter_map(|pick| {
-                Some(((camera_from_common * merged.points[pick.point]?).z / pick.depth?.0 - 1.0).abs())
-            })
-            .collect();
-        off.sort_by(f64::total_cmp);
-        off.get(off.len() / 2).map_or(0.0, |median| median / MEDIAN)
     }
 
     /// Adjusts once more with the features on the floor in one plane, and returns that plane in the common frame. `None` where few

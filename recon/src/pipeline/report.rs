@@ -36,8 +36,8 @@ pub struct BuildReport {
     pub proposed_points: usize,
     /// Number of features of a capture that were found in another camera's picture, and join the captures beside the picks.
     pub shared_features: usize,
-    /// Estimated relative standard deviation of the depths at each camera's picks; empty for one camera.
-    pub pick_depth_sigma: Vec<f64>,
+    /// Estimated relative standard deviation of each camera's depths beside its scale; empty for one camera.
+    pub depth_sigma: Vec<f64>,
     /// Root mean square distance of the floor's points from its plane, metres.
     pub floor_rms_m: f64,
     /// Floor's share of all area seen.
@@ -230,7 +230,7 @@ impl BuildReport {
             .collect();
         self.shared_features =
             done.merge.adjustment.iter().flat_map(|told| told.shared_features.values()).sum();
-        self.pick_depth_sigma.clone_from(&done.merge.depth_sigma);
+        self.depth_sigma.clone_from(&done.merge.depth_sigma);
         self.floor_rms_m = done.floor.rms * done.metres_per_unit;
         self.floor_share = done.floor.area_share;
         self.level_planes = done.floor.level_planes;

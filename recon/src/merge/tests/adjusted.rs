@@ -174,10 +174,28 @@ fn captures_unbend_each_other() {
             assert!((place.coords / unit - truth.coords).norm() < 0.03, "{number}: {place} {truth}");
         }
         assert_relative_eq!(adjusted.common_from_camera[0].scaling(), 1.0, epsilon = 1e-15);
+        // Told is what the bend does to the depths beside their scale.
+        for camera in [0, 1] {
+            let (told, expected) = (adjusted.depth_sigma[camera], joined.depth_sigma(camera, bends[camera]));
+            assert!((told - expected).abs() < 0.25 * expected + 0.003, "{bends:?}: {told} {expected}");
+        }
     }
 }
 
 impl Joined {
+    /// Relative standard deviation, by the median, of a capture's bent depths at the best scale.
+    fn depth_sigma(&self, camera: usize, bend: f64) -> f64 {
+        let median = |mut of: Vec<f64>| {
+            of.sort_by(f64::total_cmp);
+            of[of.len() / 2]
+        };
+        let places = self.filmed[camera].places.iter();
+        let stretched = |place: &Point3<f64>| 1.0 + bend * (poses()[camera] * place).z / UNITS[camera];
+        let stretched: Vec<f64> = places.map(stretched).collect();
+        let scale = median(stretched.clone());
+        median(stretched.iter().map(|stretch| (stretch / scale - 1.0).abs()).collect()) / 0.6745
+    }
+
     fn picked_place(&self, number: usize) -> Point3<f64> {
         let seen = self.filmed[0].places.iter().filter(|place| {
             lens().project(&(poses()[1] * **place)).is_some_and(|pixel| lens().contains(&pixel))
