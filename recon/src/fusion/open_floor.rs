@@ -3,7 +3,7 @@
 //! A carpet of one colour, a polished floor, the dark under a table: stereo finds nothing there, and nothing beside it continues
 //! the floor, since outlines stop what is continued in the picture ([`crate::planes`]). Once the floor is known, a pixel without
 //! a surface shows the floor more likely than anything else. A floor hides nobody who stands on it, so one too many does no harm.
-//! In each direction it ends at the wall that the camera saw there, else as far away as anything that it measured.
+//! In each direction it ends at the wall that the camera saw there, else as far away as it measured any floor.
 
 use nalgebra::{Point3, Similarity3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -16,6 +16,8 @@ use crate::surface::{DepthOrigin, Surface};
 const STRAY: f64 = 0.02;
 /// Height above which a surface is a wall's or a tall thing's, which ends the floor in its direction, metres.
 const TALL_M: f64 = 1.8;
+/// Distance from the floor of what is measured on it, metres.
+const FLOOR_M: f64 = 0.1;
 /// Number of directions around a camera.
 const DIRECTIONS: usize = 360;
 
@@ -36,7 +38,7 @@ pub(crate) fn continue_floor(
 struct Reach {
     /// By direction: to the wall that was seen there.
     walls_m: Vec<Option<f64>>,
-    /// Where no wall was seen: as far as anything was measured; 0 where nothing was.
+    /// Where no wall was seen: as far as floor was measured in any direction; 0 where none was.
     else_m: f64,
 }
 
@@ -52,7 +54,7 @@ impl Reach {
             if point.z > TALL_M {
                 tall[direction(&ahead)].push(ahead.norm());
             }
-            if surface.origin[i] == DepthOrigin::Stereo {
+            if surface.origin[i] == DepthOrigin::Stereo && point.z.abs() < FLOOR_M {
                 measured.push(ahead.norm());
             }
         }
@@ -190,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn the_floor_ends_at_walls_and_as_far_away_as_anything_was_measured() {
+    fn the_floor_ends_at_walls_and_as_far_away_as_any_was_measured() {
         // A wall ahead, of which only what is higher than a person is known, in the left half of the picture.
         const WALL_M: f64 = 1.8;
         let mut surface = carpet(&lens());
