@@ -30,6 +30,10 @@ struct Outcomes {
 fn main() -> StepResult<()> {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let names: Vec<&String> = arguments.iter().filter(|a| a.parse::<u64>().is_err()).collect();
+    let kinds: Vec<String> = std::iter::once(None).chain(Mistake::ALL.map(Some)).map(kind_name).collect();
+    if let Some(unknown) = names.iter().find(|name| !kinds.contains(name)) {
+        return Err(format!("{unknown}: one of {}", kinds.join(", ")));
+    }
     let mut asked = arguments.iter().filter_map(|a| a.parse::<u64>().ok());
     let good = asked.next().unwrap_or(12);
     let spoilt = asked.next().unwrap_or(4);
@@ -41,7 +45,7 @@ fn main() -> StepResult<()> {
         let is_spoilt = seed < first + spoilt;
         let kinds = std::iter::once(None).chain(Mistake::ALL.map(Some));
         for mistake in kinds.filter(|kind| if kind.is_some() { is_spoilt } else { true }) {
-            let name = mistake.map_or("good".to_owned(), |m| format!("{m:?}").to_lowercase());
+            let name = kind_name(mistake);
             if !names.is_empty() && !names.contains(&&name) {
                 continue;
             }
@@ -68,6 +72,10 @@ fn main() -> StepResult<()> {
         println!("{name:<24} {:>5} {amber:>6} {red:>6} {refused:>7}   {green:?}", green.len());
     }
     Ok(())
+}
+
+fn kind_name(mistake: Option<Mistake>) -> String {
+    mistake.map_or("good".to_owned(), |m| format!("{m:?}").to_lowercase())
 }
 
 fn built(project: &Path) -> Result<BuildReport, String> {
@@ -106,7 +114,7 @@ fn describe(seed: u64, name: &str, report: &BuildReport) {
             pair.in_the_way,
             pair.correlation,
             pair.compared,
-            pair.shared_features.unwrap_or_default()
+            pair.shared_features.map_or("not searched:".to_owned(), |count| count.to_string())
         );
     }
     for reason in &report.verdict.reasons {

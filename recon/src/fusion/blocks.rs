@@ -53,7 +53,7 @@ fn single(surface: &Surface, i: usize) -> Option<Disc> {
         normal: surface.normal[i],
         radius: surface.radius(i),
         color: surface.picture.get_pixel(u, v).0,
-        filled: surface.origin[i] == DepthOrigin::Filled,
+        filled: surface.origin[i] != DepthOrigin::Stereo,
         confidence: confidence(surface, std::iter::once(i)),
     })
 }
@@ -111,7 +111,7 @@ fn block(
         normal,
         radius: half_diagonal / (w * camera.fx.min(camera.fy)) / cosine.sqrt(),
         color: color.round().to_array().map(|c| c as u8),
-        filled: first == DepthOrigin::Filled,
+        filled: first != DepthOrigin::Stereo,
         confidence: confidence(surface, pixels().map(|(u, v)| v * width + u)),
     })
 }

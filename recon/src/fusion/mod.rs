@@ -3,7 +3,7 @@
 //! Surfaces that another camera looks through are dropped ([`Witness`]). Of what is left, surfaces that two cameras see alike are
 //! kept once: measured rather than filled in, then from the camera with the finer resolution. Smooth regions become larger discs
 //! ([`blocks`]), so that a wall does not cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no
-//! camera sees the place itself. Before all that, the floor is continued to where nothing was measured ([`open_floor`]).
+//! camera sees the place itself. The floor that is assumed where nothing was measured ([`open_floor`]) is fused with them.
 
 mod blocks;
 pub(crate) mod key_frames;
@@ -55,6 +55,8 @@ pub struct FusionReport {
     pub filled: usize,
     /// Number of these that only key frames saw.
     pub key_frame_discs: usize,
+    /// Pixels without a measured surface that are assumed to show the floor.
+    pub assumed_floor: usize,
 }
 
 /// Fuses all surfaces; `world_from_camera` in metres, one a surface. `key_frame_discs`: for each the discs that only
@@ -96,6 +98,7 @@ pub fn fuse(
             verdict => verdict,
         };
         let verdicts: Vec<PixelVerdict> = (0..surface.depth.len()).into_par_iter().map(verdict).collect();
+        report.assumed_floor += surface.origin.iter().filter(|o| **o == DepthOrigin::Assumed).count();
         report.pixels += verdicts.iter().filter(|v| **v != PixelVerdict::Nothing).count();
         report.duplicates += verdicts.iter().filter(|v| **v == PixelVerdict::Duplicate).count();
         report.seen_through += verdicts.iter().filter(|v| **v == PixelVerdict::SeenThrough).count();
@@ -142,7 +145,7 @@ fn contradiction(
         let seen = witness.surface.depth[j];
         let is_measured = seen > 0.0 && witness.surface.origin[j] == DepthOrigin::Stereo;
         if is_measured && witness.looks_past((u, v), z, options.same_surface) {
-            let filled = surface.origin[i] == DepthOrigin::Filled;
+            let filled = surface.origin[i] != DepthOrigin::Stereo;
             if filled || surface.agreeing[i] <= witness.surface.agreeing[j] {
                 return PixelVerdict::SeenThrough;
             }
@@ -303,6 +306,26 @@ mod tests {
             fuse(&views, &[&key_frame_discs, &[]], &[twice, twice], &FusionOptions::default());
         let told: Vec<f32> = discs.iter().filter(|d| d.color == [1, 2, 3]).map(|d| d.center.z).collect();
         assert_eq!((told, report.key_frame_discs), (vec![10.0, -2.0], 2));
+    }
+
+    /// Where a camera only assumes floor, what another camera's key frames saw before it stays.
+    #[test]
+    fn an_assumed_floor_drops_nothing() {
+        let before = Disc {
+            center: Vec3::new(0.0, 0.0, 1.0),
+            normal: -Vec3::Z,
+            radius: 0.01,
+            color: [1, 2, 3],
+            filled: false,
+            confidence: 2.0,
+        };
+        let kept = |origin: DepthOrigin| {
+            let views = [wall(4.0, 32, DepthOrigin::Stereo), wall(2.0, 32, origin)];
+            let (discs, _) =
+                fuse(&views, &[&[before], &[]], &[Similarity3::identity(); 2], &FusionOptions::default());
+            discs.iter().any(|disc| disc.color == [1, 2, 3])
+        };
+        assert!(!kept(DepthOrigin::Filled) && kept(DepthOrigin::Assumed));
     }
 
     #[test]

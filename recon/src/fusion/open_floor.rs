@@ -2,8 +2,10 @@
 //!
 //! A carpet of one colour, a polished floor, the dark under a table: stereo finds nothing there, and nothing beside it continues
 //! the floor, since outlines stop what is continued in the picture ([`crate::planes`]). Once the floor is known, a pixel without
-//! a surface shows the floor more likely than anything else. A floor hides nobody who stands on it, so one too many does no harm.
-//! In each direction it ends at the wall that the camera saw there, else as far away as it measured any floor.
+//! a surface shows the floor more likely than anything else, and a floor hides nobody who stands on it. In each direction from a
+//! camera it ends where the farthest wall or piece of furniture was seen, or where floor was measured if that is farther; in a
+//! direction in which nothing was seen, as far away as in the nearest one. A wall without texture from end to end does not end it.
+//! It is no evidence: surfaces that other views measured before it stay.
 
 use nalgebra::{Point3, Similarity3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -12,59 +14,72 @@ use scenes::geometry::{point_from_vec3, vec3_from_vector, vector_from_vec3};
 use crate::dense::Support;
 use crate::surface::{DepthOrigin, Surface};
 
-/// Share of what a camera saw in a direction, the farthest, that tells nothing: reflections and strays.
+/// Share of what a camera saw in a direction, the farthest, that tells nothing: reflections and strays; and least number of pixels
+/// that tell something.
 const STRAY: f64 = 0.02;
-/// Height above which a surface is a wall's or a tall thing's, which ends the floor in its direction, metres.
-const TALL_M: f64 = 1.8;
-/// Distance from the floor of what is measured on it, metres.
+const LEAST_SEEN: usize = 5;
+/// Height from which on an upright surface is none of the floor's noise, and largest height of the floor's own points, metres.
+const ABOVE_M: f64 = 0.3;
 const FLOOR_M: f64 = 0.1;
+/// Largest vertical part of an upright surface's normal.
+const UPRIGHT: f64 = 0.5;
 /// Number of directions around a camera.
 const DIRECTIONS: usize = 360;
 
-/// Continues the floor z = 0 into what each camera filmed and did not measure; returns the number of such pixels.
+/// Assumes the floor z = 0 in what each camera filmed and did not measure.
 ///
 /// # Arguments
 /// `lenses`: intrinsics as filmed. `level_from_camera`: the frame in metres whose floor is z = 0 from each surface's frame.
-pub(crate) fn continue_floor(
+pub(crate) fn assume_floor(
     surfaces: &mut [Surface],
     lenses: &[calib::Intrinsics],
     level_from_camera: &[Similarity3<f64>],
-) -> usize {
-    let cameras = surfaces.iter_mut().zip(lenses).zip(level_from_camera);
-    cameras.map(|((surface, lens), level)| under(surface, lens, level)).sum()
+) {
+    for ((surface, lens), level) in surfaces.iter_mut().zip(lenses).zip(level_from_camera) {
+        under(surface, lens, level);
+    }
 }
 
-/// How far from its camera the floor reaches, metres along the floor.
-struct Reach {
-    /// By direction: to the wall that was seen there.
-    walls_m: Vec<Option<f64>>,
-    /// Where no wall was seen: as far as floor was measured in any direction; 0 where none was.
-    else_m: f64,
-}
+/// How far from its camera the floor reaches in each direction, metres along the floor.
+struct Reach(Vec<f64>);
 
 impl Reach {
-    fn of(surface: &Surface, level_from_camera: &Similarity3<f64>) -> Self {
+    /// `None` where nothing was seen in any direction.
+    fn of(surface: &Surface, level_from_camera: &Similarity3<f64>) -> Option<Self> {
         let eye = (level_from_camera * Point3::origin()).xy();
-        let (mut tall, mut measured) = (vec![Vec::new(); DIRECTIONS], Vec::new());
+        let (mut upright, mut floor) = (vec![Vec::new(); DIRECTIONS], vec![Vec::new(); DIRECTIONS]);
         for i in 0..surface.depth.len() {
             let Some(point) = surface.point(i).map(|point| level_from_camera * point_from_vec3(point)) else {
                 continue;
             };
             let ahead = point.xy() - eye;
-            if point.z > TALL_M {
-                tall[direction(&ahead)].push(ahead.norm());
-            }
-            if surface.origin[i] == DepthOrigin::Stereo && point.z.abs() < FLOOR_M {
-                measured.push(ahead.norm());
+            let normal = level_from_camera.isometry.rotation * vector_from_vec3(surface.normal[i]);
+            if point.z > ABOVE_M && normal.z.abs() < UPRIGHT {
+                upright[direction(&ahead)].push(ahead.norm());
+            } else if point.z.abs() < FLOOR_M {
+                floor[direction(&ahead)].push(ahead.norm());
             }
         }
-        let walls_m = tall.into_iter().map(farthest).collect();
-        Self { walls_m, else_m: farthest(measured).unwrap_or(0.0) }
+        let seen: Vec<Option<f64>> = upright
+            .into_iter()
+            .zip(floor)
+            .map(|(upright, floor)| match (farthest(upright), farthest(floor)) {
+                (Some(upright), Some(floor)) => Some(upright.max(floor)),
+                (upright, floor) => upright.or(floor),
+            })
+            .collect();
+        let nearest = |from: usize| {
+            (0..=DIRECTIONS / 2).find_map(|turn| {
+                let sides = [(from + turn) % DIRECTIONS, (from + DIRECTIONS - turn) % DIRECTIONS];
+                sides.into_iter().filter_map(|side| seen[side]).reduce(f64::max)
+            })
+        };
+        Some(Self((0..DIRECTIONS).map(nearest).collect::<Option<Vec<f64>>>()?))
     }
 
     /// Whether the floor reaches so far from the camera.
     fn holds(&self, ahead: &Vector2<f64>) -> bool {
-        ahead.norm() <= self.walls_m[direction(ahead)].unwrap_or(self.else_m)
+        ahead.norm() <= self.0[direction(ahead)]
     }
 }
 
@@ -74,21 +89,23 @@ fn direction(ahead: &Vector2<f64>) -> usize {
     (turns.rem_euclid(1.0) * DIRECTIONS as f64) as usize % DIRECTIONS
 }
 
-/// The largest distance without strays.
+/// The largest distance without strays; `None` of too few.
 fn farthest(mut distances: Vec<f64>) -> Option<f64> {
-    let last = distances.len().checked_sub(1)?;
-    let kept = ((1.0 - STRAY) * last as f64) as usize;
+    if distances.len() < LEAST_SEEN {
+        return None;
+    }
+    let kept = ((1.0 - STRAY) * (distances.len() - 1) as f64) as usize;
     Some(*distances.select_nth_unstable_by(kept, f64::total_cmp).1)
 }
 
-/// Continues the floor in one camera's picture.
-fn under(surface: &mut Surface, lens: &calib::Intrinsics, level_from_camera: &Similarity3<f64>) -> usize {
-    let filmed = calib::undistort::UndistortMap::new(lens).filmed();
+/// Assumes the floor in one camera's picture.
+fn under(surface: &mut Surface, lens: &calib::Intrinsics, level_from_camera: &Similarity3<f64>) {
+    let Some(reach) = Reach::of(surface, level_from_camera) else { return };
+    let filmed = calib::undistort::UndistortMap::to(lens, &surface.intrinsics).filmed();
     let (width, camera) = (surface.width(), surface.pinhole());
     let rotation = level_from_camera.isometry.rotation;
     let up = vec3_from_vector(&(rotation.inverse() * Vector3::z()));
     let height_m = level_from_camera.isometry.translation.vector.z;
-    let reach = Reach::of(surface, level_from_camera);
     let depth = |i: usize| {
         if surface.depth[i] > 0.0 || !filmed[i] {
             return None;
@@ -102,15 +119,12 @@ fn under(surface: &mut Surface, lens: &calib::Intrinsics, level_from_camera: &Si
         (depth > 0.0 && reach.holds(&(ahead_m.xy() * depth))).then_some(depth as f32)
     };
     let depths: Vec<Option<f32>> = (0..surface.depth.len()).into_par_iter().map(depth).collect();
-    let mut continued = 0;
     for (i, depth) in depths.into_iter().enumerate() {
         let Some(depth) = depth else { continue };
         surface.depth[i] = depth;
         surface.normal[i] = up;
-        surface.origin[i] = DepthOrigin::Filled;
-        continued += 1;
+        surface.origin[i] = DepthOrigin::Assumed;
     }
-    continued
 }
 
 #[cfg(test)]
@@ -171,20 +185,24 @@ mod tests {
         surface
     }
 
+    fn assumed(surface: &Surface) -> usize {
+        surface.origin.iter().filter(|origin| **origin == DepthOrigin::Assumed).count()
+    }
+
     #[test]
     fn a_carpet_amid_a_measured_floor_is_floor() {
         let before = carpet(&lens());
         let mut surfaces = [before.clone()];
-        let continued = continue_floor(&mut surfaces, &[lens()], &[level_from_camera()]);
+        assume_floor(&mut surfaces, &[lens()], &[level_from_camera()]);
         let [after] = surfaces;
-        assert_eq!(continued, 64 * 44);
+        assert!(assumed(&after) > 64 * 44 * 99 / 100, "{}", assumed(&after));
         for i in 0..after.depth.len() {
-            let expected = truth(&after, i).unwrap();
-            assert!((f64::from(after.depth[i]) / expected - 1.0).abs() < 1e-5, "{i}");
             if before.origin[i] == DepthOrigin::Stereo {
                 assert_eq!((after.origin[i], after.normal[i]), (DepthOrigin::Stereo, -Vec3::Z));
-            } else {
-                assert_eq!((after.origin[i], after.agreeing[i]), (DepthOrigin::Filled, 0));
+            } else if after.origin[i] == DepthOrigin::Assumed {
+                let expected = truth(&after, i).unwrap();
+                assert!((f64::from(after.depth[i]) / expected - 1.0).abs() < 1e-5, "{i}");
+                assert_eq!(after.agreeing[i], 0);
                 let up = level_from_camera().isometry.rotation * vector_from_vec3(after.normal[i]);
                 assert!((up - Vector3::z()).norm() < 1e-6);
             }
@@ -192,51 +210,52 @@ mod tests {
     }
 
     #[test]
-    fn the_floor_ends_at_walls_and_as_far_away_as_any_was_measured() {
-        // A wall ahead, of which only what is higher than a person is known, in the left half of the picture.
+    fn the_floor_ends_at_walls_and_where_nothing_is_seen_as_far_away_as_beside() {
+        // A wall ahead in the left half of the picture, of which only the upper part is known; floor at the right border.
         const WALL_M: f64 = 1.8;
+        const KNOWN_FROM_M: f64 = 1.2;
         let mut surface = carpet(&lens());
         let level = level_from_camera();
         let eye = level * Point3::origin();
-        let ahead = |i: usize, surface: &Surface| {
-            level
-                * vector_from_vec3(
-                    surface.pinhole().ray((i % surface.width()) as f32, (i / surface.width()) as f32),
-                )
-        };
-        let is_left = |i: usize| i as u32 % SIZE.0 < SIZE.0 / 2;
+        let (width, middle) = (surface.width(), surface.width() / 2);
+        let ahead =
+            |i: usize| level * vector_from_vec3(lens_rays().ray((i % width) as f32, (i / width) as f32));
+        let towards = vec3_from_vector(&(level.isometry.rotation.inverse() * -Vector3::y()));
         let mut far_m = 0f64;
         for i in 0..surface.depth.len() {
             surface.forget(i);
-            let ray = ahead(i, &surface);
+            let ray = ahead(i);
             let wall = eye + ray * (WALL_M / ray.y);
-            if is_left(i) && wall.z > TALL_M {
-                surface.depth[i] = (WALL_M / ray.y) as f32;
-                surface.origin[i] = DepthOrigin::Filled;
-            } else if i as u32 % SIZE.0 == SIZE.0 - 1 && i as u32 / SIZE.0 > SIZE.1 / 2 {
-                surface.depth[i] = truth(&surface, i).unwrap() as f32;
-                surface.origin[i] = DepthOrigin::Stereo;
-                far_m = far_m.max((ray * f64::from(surface.depth[i])).xy().norm());
-            }
+            let depth = if i % width < middle && wall.z > KNOWN_FROM_M {
+                WALL_M / ray.y
+            } else if i % width > width - 12 && i / width > 30 {
+                let depth = truth(&surface, i).unwrap();
+                far_m = far_m.max((ray * depth).xy().norm());
+                depth
+            } else {
+                continue;
+            };
+            (surface.depth[i], surface.normal[i], surface.origin[i]) =
+                (depth as f32, towards, DepthOrigin::Stereo);
         }
-        let before = surface.clone();
         let mut surfaces = [surface];
-        let continued = continue_floor(&mut surfaces, &[lens()], &[level]);
+        assume_floor(&mut surfaces, &[lens()], &[level]);
         let [after] = surfaces;
-        let places_m = |of: std::ops::Range<u32>| {
-            let (before, after) = (&before, &after);
+        let farthest_m = |columns: std::ops::Range<usize>, along: fn(&Vector2<f64>) -> f64| {
             (0..after.depth.len())
-                .filter(move |i| before.depth[*i] == 0.0 && after.depth[*i] > 0.0)
-                .filter(move |i| of.contains(&(*i as u32 % SIZE.0)))
-                .map(move |i| (ahead(i, after) * f64::from(after.depth[i])).xy())
+                .filter(|i| after.origin[*i] == DepthOrigin::Assumed && columns.contains(&(i % width)))
+                .map(|i| along(&(ahead(i) * f64::from(after.depth[i])).xy()))
+                .fold(0.0, f64::max)
         };
-        assert!(continued > 1200, "{continued}");
-        // Below, the picture is wider than the wall.
-        let below_wall = places_m(0..SIZE.0 / 2).filter(|place| place.x.abs() < 0.5 * place.y);
-        let wall_m = below_wall.map(|place| place.y).fold(0.0, f64::max);
-        assert!((WALL_M - 0.1..WALL_M + 0.05).contains(&wall_m), "{wall_m}");
-        let right_m = places_m(SIZE.0 / 2 + 2..SIZE.0).map(|place| place.norm()).fold(0.0, f64::max);
-        assert!((0.9 * far_m..=far_m).contains(&right_m), "{right_m} {far_m}");
+        assert!(assumed(&after) > 800, "{}", assumed(&after));
+        let wall_m = farthest_m(10..middle - 2, |place| place.y);
+        assert!((WALL_M - 0.15..WALL_M + 0.05).contains(&wall_m), "{wall_m}");
+        let right_m = farthest_m(middle + 2..width, |place| place.norm());
+        assert!((0.8 * far_m..=far_m).contains(&right_m), "{right_m} {far_m}");
+    }
+
+    fn lens_rays() -> crate::dense::Pinhole {
+        carpet(&lens()).pinhole()
     }
 
     #[test]
@@ -246,11 +265,13 @@ mod tests {
             UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 0.2),
             UNIT_M,
         );
-        assert_eq!(continue_floor(&mut [carpet(&lens())], &[lens()], &[up]), 0);
         let mut nothing = carpet(&lens());
         (0..nothing.depth.len()).for_each(|i| nothing.forget(i));
-        assert_eq!(continue_floor(&mut [nothing], &[lens()], &[level_from_camera()]), 0);
-        assert_eq!(continue_floor(&mut [], &[], &[]), 0);
+        for (surface, level) in [(carpet(&lens()), up), (nothing, level_from_camera())] {
+            let mut surfaces = [surface];
+            assume_floor(&mut surfaces, &[lens()], &[level]);
+            assert_eq!(assumed(&surfaces[0]), 0);
+        }
     }
 
     #[test]
@@ -272,9 +293,9 @@ mod tests {
         let black =
             |surface: &Surface, i: usize| !filmed[i] && !measured(surface, i) && truth(surface, i).is_some();
         let unfilmed = (0..filmed.len()).filter(|i| black(&surfaces[0], *i)).count();
-        let continued = continue_floor(&mut surfaces, &[lens], &[level_from_camera()]);
+        assume_floor(&mut surfaces, &[lens], &[level_from_camera()]);
         let [after] = surfaces;
-        assert!(unfilmed > 100 && continued > 500, "{unfilmed} {continued}");
+        assert!(unfilmed > 100 && assumed(&after) > 500, "{unfilmed} {}", assumed(&after));
         assert!((0..filmed.len()).filter(|i| black(&after, *i)).all(|i| after.depth[i] == 0.0));
     }
 }

@@ -4,7 +4,7 @@ use glam::{Affine3A, Vec3};
 use nalgebra::Similarity3;
 
 use crate::dense::Pinhole;
-use crate::surface::Surface;
+use crate::surface::{DepthOrigin, Surface};
 
 /// Another camera that may have seen the same surface.
 pub(super) struct Witness<'a> {
@@ -46,16 +46,20 @@ impl<'a> Witness<'a> {
     /// Depth that the witness sees at a point's pixel, and the point's own depth there; `None` where it sees nothing.
     pub(super) fn seen_at(&self, point: Vec3) -> Option<(f32, f32)> {
         let (u, v, z) = self.pixel(point)?;
-        let seen = self.surface.depth[v * self.surface.width() + u];
-        (seen > 0.0).then_some((seen, z))
+        Some((self.seen(v * self.surface.width() + u)?, z))
+    }
+
+    /// Depth at a pixel; `None` where it is unknown or only assumed.
+    fn seen(&self, i: usize) -> Option<f32> {
+        let seen = self.surface.depth[i];
+        (seen > 0.0 && self.surface.origin[i] != DepthOrigin::Assumed).then_some(seen)
     }
 
     /// Tells whether all surfaces that the witness measured around a pixel lie well behind `z`.
     pub(super) fn looks_past(&self, (u, v): (usize, usize), z: f32, same_surface: f32) -> bool {
         (v - 1..=v + 1).all(|y| {
             (u - 1..=u + 1).all(|x| {
-                let seen = self.surface.depth[y * self.surface.width() + x];
-                seen <= 0.0 || z < seen * (1.0 - same_surface)
+                self.seen(y * self.surface.width() + x).is_none_or(|seen| z < seen * (1.0 - same_surface))
             })
         })
     }

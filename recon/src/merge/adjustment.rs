@@ -11,6 +11,8 @@
 //! Lenses differ, so pixels are carried to one pinhole by their rays, each with the standard deviation that it has there.
 //! [`crate::bundle`] has the residuals, the elimination of the points, and the minimisation.
 
+use std::collections::BTreeMap;
+
 use calib::Intrinsics;
 use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Point3, Similarity3, Vector2};
@@ -67,13 +69,6 @@ pub(super) struct SharedFeature {
     pub(super) share: f64,
 }
 
-impl SharedFeature {
-    /// Tells whether these two cameras, the first before the second, share it.
-    pub(super) fn is_between(&self, [a, b]: [usize; 2]) -> bool {
-        [self.capture.min(self.camera), self.capture.max(self.camera)] == [a, b]
-    }
-}
-
 /// Result of the adjustment.
 #[derive(Debug, Clone)]
 pub(super) struct Adjusted {
@@ -82,11 +77,13 @@ pub(super) struct Adjusted {
     pub(super) picks: Vec<(usize, Point3<f64>)>,
     /// The first camera's unit in that of the bundle.
     pub(super) unit: f64,
-    /// Relative standard deviation of each capture's own depths: by how much the adjustment changed them beside the scale.
-    pub(super) depth_sigma: Vec<f64>,
+    /// Relative standard deviation by which the adjustment changed each capture's depths beside their scale; `None` without
+    /// features.
+    pub(super) depth_sigma: Vec<Option<f64>>,
 }
 
-/// Searches the features of each capture's reference frame in the reference pictures of the others.
+/// Searches the features of each capture's reference frame in the reference pictures of the others: those found, for each pair of
+/// cameras in which they were searched.
 ///
 /// # Errors
 /// [`crate::error::Error::Calib`] when OpenCV refuses.
@@ -94,17 +91,20 @@ pub(super) fn shared_features(
     motions: &[CaptureMotion<'_>],
     surfaces: &[Surface],
     start: &[Similarity3<f64>],
-) -> Result<Vec<SharedFeature>> {
+) -> Result<BTreeMap<[usize; 2], Vec<SharedFeature>>> {
     let features: Vec<(Vec<usize>, Vec<Point2<f64>>)> =
         motions.iter().zip(surfaces).map(|(motion, surface)| motion.in_reference(surface)).collect();
-    let mut shared = Vec::new();
+    let mut shared = BTreeMap::new();
     for [a, b] in super::pairs(motions.len()) {
         let relative = start[a].inverse() * start[b];
         let pixels = [features[a].1.as_slice(), &features[b].1];
-        let found = proposals::found_in_both([&surfaces[a], &surfaces[b]], &relative, pixels)?;
+        let Some(found) = proposals::found_in_both([&surfaces[a], &surfaces[b]], &relative, pixels)? else {
+            continue;
+        };
+        let of_pair: &mut Vec<SharedFeature> = shared.entry([a, b]).or_default();
         for (found, capture, camera) in [(&found[0], a, b), (&found[1], b, a)] {
             let share = (MOST_INDEPENDENT / found.len() as f64).min(1.0);
-            shared.extend(found.iter().map(|(index, pixel)| SharedFeature {
+            of_pair.extend(found.iter().map(|(index, pixel)| SharedFeature {
                 capture,
                 feature: features[capture].0[*index],
                 camera,
@@ -276,7 +276,7 @@ impl<'a> JointBundle<'a> {
         let moved: Vec<Similarity3<f64>> = stretched.iter().enumerate().map(camera).collect();
         let depth_sigma = stretched.iter().zip(&moved).map(|(stretched, camera)| {
             let off = stretched.iter().map(|stretch| (stretch / camera.scaling() - 1.0).abs());
-            median(off.collect()).map_or(0.0, |off| off / NORMAL_MEDIAN)
+            Some(median(off.collect())? / NORMAL_MEDIAN)
         });
         let depth_sigma = depth_sigma.collect();
         let unit = moved[0].scaling();

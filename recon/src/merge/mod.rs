@@ -25,7 +25,7 @@ use crate::ray_depth::{MeasuredPixel, RayMeasurement};
 use crate::surface::Surface;
 use crate::{Error, Result};
 pub use adjustment::CaptureMotion;
-use adjustment::JointBundle;
+use adjustment::{JointBundle, SharedFeature};
 
 /// Options of joining cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,7 +58,8 @@ pub struct MergeReport {
     /// Distance of each pick that fits from the projection of its point: number of the point (from 1), index of the
     /// camera, pixels.
     pub misfits_px: Vec<(usize, usize, f64)>,
-    /// Estimated relative standard deviation of each camera's depths: at its picks, or of its features where captures were adjusted.
+    /// Relative standard deviation by which the adjustment changed each camera's depths beside their scale; that of the depths at the
+    /// picks where captures were not adjusted.
     pub depth_sigma: Vec<f64>,
     /// The adjustment of all captures; `None` for one camera, and for surfaces without motions.
     pub adjustment: Option<AdjustmentReport>,
@@ -67,7 +68,8 @@ pub struct MergeReport {
 /// Report of the adjustment of all captures.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AdjustmentReport {
-    /// Number of features of either camera that were found in the other's picture, for each pair of cameras.
+    /// Number of features of either camera that were found in the other's picture, for each pair of cameras whose surfaces and
+    /// pictures agree enough for a search.
     pub shared_features: BTreeMap<[usize; 2], usize>,
     /// Whether it contradicts the picks; then it is not used.
     pub contradicts_picks: bool,
@@ -164,9 +166,9 @@ pub(crate) fn adjust<'a>(
     let mut picks = lift(project, surfaces, lenses, measured, options)?;
     picks.retain(|pick| !report.is_left_out(pick.point + 1));
     let shared = adjustment::shared_features(motions, surfaces, &merged.common_from_camera)?;
+    let shared_features = shared.iter().map(|(pair, found)| (*pair, found.len())).collect();
+    let shared: Vec<SharedFeature> = shared.into_values().flatten().collect();
     let bundle = adjustment::adjust(motions, surfaces, merged, (&picks, options.pick_sigma_px), &shared);
-    let between = |pair| (pair, shared.iter().filter(|feature| feature.is_between(pair)).count());
-    let shared_features = pairs(surfaces.len()).map(between).collect();
     report.adjustment = Some(AdjustmentReport { shared_features, contradicts_picks: false });
     let start = AdjustedCaptures { bundle, surfaces, picks, merged: merged.clone(), report: report.clone() };
     let adjusted = start.taken();
@@ -199,8 +201,9 @@ impl AdjustedCaptures<'_> {
             );
             return None;
         }
-        let report =
-            MergeReport { pick_rms_px, misfits_px, depth_sigma: adjusted.depth_sigma, ..self.report };
+        let told = adjusted.depth_sigma.iter().zip(&self.report.depth_sigma);
+        let depth_sigma = told.map(|(adjusted, at_picks)| adjusted.unwrap_or(*at_picks)).collect();
+        let report = MergeReport { pick_rms_px, misfits_px, depth_sigma, ..self.report };
         Some(Self { merged, report, ..self })
     }
 

@@ -34,9 +34,10 @@ pub struct BuildReport {
     pub picks_left_out: Vec<String>,
     /// Number of points that the program proposed to itself, since the project has none.
     pub proposed_points: usize,
-    /// Number of features of a capture that were found in another camera's picture, and join the captures beside the picks.
+    /// Number of features of a capture that were found in another camera's picture; they join the captures beside the picks.
     pub shared_features: usize,
-    /// Estimated relative standard deviation of each camera's depths beside its scale; empty for one camera.
+    /// Relative standard deviation by which the adjustment of all captures changed each camera's depths beside their scale; that of
+    /// the depths at the picks where captures were not adjusted; empty for one camera.
     pub depth_sigma: Vec<f64>,
     /// Root mean square distance of the floor's points from its plane, metres.
     pub floor_rms_m: f64,
@@ -54,6 +55,8 @@ pub struct BuildReport {
     pub filled_discs: usize,
     /// Number of these that only key frames saw.
     pub key_frame_discs: usize,
+    /// Number of pixels without a measured surface that are assumed to show the floor.
+    pub assumed_floor_pixels: usize,
     /// Number of pixels dropped since another camera showed the same surface finer.
     pub duplicate_pixels: usize,
     /// Number of pixels dropped since another camera looks through them.
@@ -239,6 +242,7 @@ impl BuildReport {
         self.discs = done.fusion.discs;
         self.filled_discs = done.fusion.filled;
         self.key_frame_discs = done.fusion.key_frame_discs;
+        self.assumed_floor_pixels = done.fusion.assumed_floor;
         self.duplicate_pixels = done.fusion.duplicates;
         self.seen_through_pixels = done.fusion.seen_through;
         self.evidence.clone_from(&done.evidence);

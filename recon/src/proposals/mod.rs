@@ -151,7 +151,8 @@ pub(crate) fn evidence_of(
 pub(crate) type FoundPixels = Vec<(usize, Point2<f64>)>;
 
 /// Pixels of either picture searched in the other, with the relative pose `first_from_second`: for each picture the index of
-/// each pixel that is found, and its pixel in the other picture. Empty where surfaces and pictures do not confirm the pose.
+/// each pixel that is found, and its pixel in the other picture. `None` without a search, where surfaces and pictures do not confirm
+/// the pose.
 ///
 /// # Errors
 /// [`crate::error::Error::Calib`] when OpenCV refuses.
@@ -159,21 +160,21 @@ pub(crate) fn found_in_both(
     surfaces: [&Surface; 2],
     first_from_second: &Similarity3<f64>,
     pixels: [&[Point2<f64>]; 2],
-) -> Result<[FoundPixels; 2]> {
+) -> Result<Option<[FoundPixels; 2]>> {
     let options = ProposalOptions::default();
     let seen = surfaces.map(|surface| ComparedView { surface, intensity: Intensity::new(&surface.picture) });
     let seen = [&seen[0], &seen[1]];
     if confirmed(seen, first_from_second, &options).is_none() {
-        return Ok([Vec::new(), Vec::new()]);
+        return Ok(None);
     }
     let tolerance_px = options.tolerance_px(seen);
     let (similarity, matches) = guided::matches(seen, first_from_second, tolerance_px, &options)?;
     let mut off: Vec<f64> = matches.iter().map(|m| m.off_px).collect();
     off.sort_by(f64::total_cmp);
-    let Some(worst) = off.last() else { return Ok([Vec::new(), Vec::new()]) };
+    let Some(worst) = off.last() else { return Ok(Some([Vec::new(), Vec::new()])) };
     let there = guided::followed(seen, &similarity, pixels[0], *worst, &options);
     let back = guided::followed([seen[1], seen[0]], &similarity.inverse(), pixels[1], *worst, &options);
-    Ok([there, back])
+    Ok(Some([there, back]))
 }
 
 /// Median correlation of both pictures under a similarity, if pictures and surfaces confirm it.

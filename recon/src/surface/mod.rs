@@ -24,6 +24,8 @@ pub enum DepthOrigin {
     Stereo,
     /// Filled in from a plane that stereo measured nearby.
     Filled,
+    /// Assumed to be the floor, since nothing was measured: no evidence of anything else.
+    Assumed,
 }
 
 /// A camera's reference view with depth.

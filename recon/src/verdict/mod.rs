@@ -269,7 +269,7 @@ impl PairEvidence {
 fn adjustment(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec<Reason>) {
     if evidence.adjustment_contradicts_picks {
         let text = "the captures' own motions contradict the picks, which alone place the cameras now: check each pick, and that \
-                    each capture is this camera's";
+                    each capture is of the camera that it is named for";
         reasons.push(Reason { light: Light::Amber, text: text.into() });
     }
     for (index, capture) in captures.iter().enumerate() {

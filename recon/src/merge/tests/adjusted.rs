@@ -176,7 +176,8 @@ fn captures_unbend_each_other() {
         assert_relative_eq!(adjusted.common_from_camera[0].scaling(), 1.0, epsilon = 1e-15);
         // Told is what the bend does to the depths beside their scale.
         for camera in [0, 1] {
-            let (told, expected) = (adjusted.depth_sigma[camera], joined.depth_sigma(camera, bends[camera]));
+            let (told, expected) =
+                (adjusted.depth_sigma[camera].unwrap(), joined.depth_sigma(camera, bends[camera]));
             assert!((told - expected).abs() < 0.25 * expected + 0.003, "{bends:?}: {told} {expected}");
         }
     }
