@@ -3,9 +3,9 @@
 //! A carpet of one colour, a polished floor, the dark under a table: stereo finds nothing there, and nothing beside it continues
 //! the floor, since outlines stop what is continued in the picture ([`crate::planes`]). Once the floor is known, a pixel without
 //! a surface shows the floor more likely than anything else, and a floor hides nobody who stands on it. In each direction from a
-//! camera it ends where the farthest wall or piece of furniture was seen, or where floor was measured if that is farther; in a
-//! direction in which nothing was seen, as far away as in the nearest one. A wall without texture from end to end does not end it.
-//! It is no evidence: surfaces that other views measured before it stay.
+//! camera it ends at the wall that was seen there, or in the nearest direction in which one was seen; where floor was measured
+//! behind, behind that. A camera that saw no wall has floor as far away as it measured any. A wall without texture from end to end
+//! does not end it. It is no evidence: surfaces that other views measured before it stay.
 
 use nalgebra::{Point3, Similarity3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -18,11 +18,12 @@ use crate::surface::{DepthOrigin, Surface};
 /// that tell something.
 const STRAY: f64 = 0.02;
 const LEAST_SEEN: usize = 5;
-/// Height from which on an upright surface is none of the floor's noise, and largest height of the floor's own points, metres.
-const ABOVE_M: f64 = 0.3;
-const FLOOR_M: f64 = 0.1;
-/// Largest vertical part of an upright surface's normal.
+/// Height from which on an upright surface is a wall's rather than of something that one looks over, metres, and largest vertical
+/// part of its normal.
+const WALL_M: f64 = 1.8;
 const UPRIGHT: f64 = 0.5;
+/// Largest distance from the floor of points that are measured on it, metres.
+const FLOOR_M: f64 = 0.1;
 /// Number of directions around a camera.
 const DIRECTIONS: usize = 360;
 
@@ -47,34 +48,32 @@ impl Reach {
     /// `None` where nothing was seen in any direction.
     fn of(surface: &Surface, level_from_camera: &Similarity3<f64>) -> Option<Self> {
         let eye = (level_from_camera * Point3::origin()).xy();
-        let (mut upright, mut floor) = (vec![Vec::new(); DIRECTIONS], vec![Vec::new(); DIRECTIONS]);
+        let (mut walls, mut floor) = (vec![Vec::new(); DIRECTIONS], vec![Vec::new(); DIRECTIONS]);
         for i in 0..surface.depth.len() {
             let Some(point) = surface.point(i).map(|point| level_from_camera * point_from_vec3(point)) else {
                 continue;
             };
             let ahead = point.xy() - eye;
             let normal = level_from_camera.isometry.rotation * vector_from_vec3(surface.normal[i]);
-            if point.z > ABOVE_M && normal.z.abs() < UPRIGHT {
-                upright[direction(&ahead)].push(ahead.norm());
+            if point.z > WALL_M && normal.z.abs() < UPRIGHT {
+                walls[direction(&ahead)].push(ahead.norm());
             } else if point.z.abs() < FLOOR_M {
                 floor[direction(&ahead)].push(ahead.norm());
             }
         }
-        let seen: Vec<Option<f64>> = upright
-            .into_iter()
-            .zip(floor)
-            .map(|(upright, floor)| match (farthest(upright), farthest(floor)) {
-                (Some(upright), Some(floor)) => Some(upright.max(floor)),
-                (upright, floor) => upright.or(floor),
-            })
-            .collect();
-        let nearest = |from: usize| {
+        let any_floor = farthest(floor.concat());
+        let walls: Vec<Option<f64>> = walls.into_iter().map(farthest).collect();
+        let nearest_wall = |from: usize| {
             (0..=DIRECTIONS / 2).find_map(|turn| {
                 let sides = [(from + turn) % DIRECTIONS, (from + DIRECTIONS - turn) % DIRECTIONS];
-                sides.into_iter().filter_map(|side| seen[side]).reduce(f64::max)
+                sides.into_iter().filter_map(|side| walls[side]).reduce(f64::max)
             })
         };
-        Some(Self((0..DIRECTIONS).map(nearest).collect::<Option<Vec<f64>>>()?))
+        let of_direction = |(from, floor): (usize, Vec<f64>)| {
+            let wall = nearest_wall(from).or(any_floor)?;
+            Some(farthest(floor).map_or(wall, |floor| floor.max(wall)))
+        };
+        Some(Self(floor.into_iter().enumerate().map(of_direction).collect::<Option<Vec<f64>>>()?))
     }
 
     /// Whether the floor reaches so far from the camera.
@@ -210,10 +209,9 @@ mod tests {
     }
 
     #[test]
-    fn the_floor_ends_at_walls_and_where_nothing_is_seen_as_far_away_as_beside() {
+    fn the_floor_ends_at_walls_and_reaches_as_far_as_it_was_measured() {
         // A wall ahead in the left half of the picture, of which only the upper part is known; floor at the right border.
-        const WALL_M: f64 = 1.8;
-        const KNOWN_FROM_M: f64 = 1.2;
+        const AHEAD_M: f64 = 1.5;
         let mut surface = carpet(&lens());
         let level = level_from_camera();
         let eye = level * Point3::origin();
@@ -225,9 +223,9 @@ mod tests {
         for i in 0..surface.depth.len() {
             surface.forget(i);
             let ray = ahead(i);
-            let wall = eye + ray * (WALL_M / ray.y);
-            let depth = if i % width < middle && wall.z > KNOWN_FROM_M {
-                WALL_M / ray.y
+            let wall = eye + ray * (AHEAD_M / ray.y);
+            let depth = if i % width < middle && wall.z > WALL_M {
+                AHEAD_M / ray.y
             } else if i % width > width - 12 && i / width > 30 {
                 let depth = truth(&surface, i).unwrap();
                 far_m = far_m.max((ray * depth).xy().norm());
@@ -249,7 +247,7 @@ mod tests {
         };
         assert!(assumed(&after) > 800, "{}", assumed(&after));
         let wall_m = farthest_m(10..middle - 2, |place| place.y);
-        assert!((WALL_M - 0.15..WALL_M + 0.05).contains(&wall_m), "{wall_m}");
+        assert!((AHEAD_M - 0.15..AHEAD_M + 0.05).contains(&wall_m), "{wall_m}");
         let right_m = farthest_m(middle + 2..width, |place| place.norm());
         assert!((0.8 * far_m..=far_m).contains(&right_m), "{right_m} {far_m}");
     }
