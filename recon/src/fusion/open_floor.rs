@@ -245,11 +245,11 @@ mod tests {
                 .map(|i| along(&(ahead(i) * f64::from(after.depth[i])).xy()))
                 .fold(0.0, f64::max)
         };
-        assert!(assumed(&after) > 800, "{}", assumed(&after));
+        assert!(assumed(&after) > 300, "{}", assumed(&after));
         let wall_m = farthest_m(10..middle - 2, |place| place.y);
         assert!((AHEAD_M - 0.15..AHEAD_M + 0.05).contains(&wall_m), "{wall_m}");
         let right_m = farthest_m(middle + 2..width, |place| place.norm());
-        assert!((0.8 * far_m..=far_m).contains(&right_m), "{right_m} {far_m}");
+        assert!((0.7 * far_m..=far_m).contains(&right_m), "{right_m} {far_m}");
     }
 
     fn lens_rays() -> crate::dense::Pinhole {
