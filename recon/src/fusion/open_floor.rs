@@ -248,7 +248,7 @@ mod tests {
         assert!(assumed(&after) > 300, "{}", assumed(&after));
         let wall_m = farthest_m(10..middle - 2, |place| place.y);
         assert!((AHEAD_M - 0.15..AHEAD_M + 0.05).contains(&wall_m), "{wall_m}");
-        let right_m = farthest_m(middle + 2..width, |place| place.norm());
+        let right_m = farthest_m(middle + 2..width, Vector2::norm);
         assert!((0.7 * far_m..=far_m).contains(&right_m), "{right_m} {far_m}");
     }
 
