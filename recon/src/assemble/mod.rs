@@ -123,7 +123,7 @@ pub fn assemble(
     let level_from_camera: Vec<Similarity3<f64>> =
         merged.common_from_camera.iter().map(|s| level_from_common * s).collect();
     let mut seen = surfaces.to_vec();
-    fusion::open_floor::assume_floor(&mut seen, lenses, &level_from_camera);
+    fusion::assumed_floor::assume_floor(&mut seen, lenses, &level_from_camera);
     let (discs, fusion_report) =
         fusion::fuse(&seen, captures.key_frame_discs, &world_from_camera, &options.fusion);
     let cameras = project

@@ -146,6 +146,13 @@ fn furnished_rooms_come_out_metric_and_upright() {
             let lift_m = f.center().z - t.center().z;
             assert!(tilt_deg < 0.2 && lift_m.abs() < 0.02, "seed {seed}: {tilt_deg}°, {lift_m} m");
         }
+        // Nothing is filled in but the floor under the surfaces' holes.
+        let Some(Geometry::Discs(discs)) = &room.geometry else { panic!("{:?}", room.geometry) };
+        let assumed: Vec<&Disc> = discs.iter().filter(|disc| disc.filled).collect();
+        assert!(report.fusion.assumed_floor > 500 && assumed.len() > 50, "seed {seed}: {}", assumed.len());
+        for disc in assumed {
+            assert!(disc.center.z.abs() < 0.01 && disc.normal.z > 0.999, "seed {seed}: {disc:?}");
+        }
         // The captures are straight, and each sees features of the other.
         let merge = &report.merge;
         assert_eq!(merge.depth_sigma.len(), 2);

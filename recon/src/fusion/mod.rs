@@ -3,11 +3,11 @@
 //! Surfaces that another camera looks through are dropped ([`Witness`]). Of what is left, surfaces that two cameras see alike are
 //! kept once: measured rather than filled in, then from the camera with the finer resolution. Smooth regions become larger discs
 //! ([`blocks`]), so that a wall does not cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no
-//! camera sees the place itself. The floor that is assumed where nothing was measured ([`open_floor`]) is fused with them.
+//! camera sees the place itself. The floor that is assumed where nothing was measured ([`assumed_floor`]) is fused with them.
 
+pub(crate) mod assumed_floor;
 mod blocks;
 pub(crate) mod key_frames;
-pub(crate) mod open_floor;
 mod witness;
 
 use glam::Vec3;
@@ -308,7 +308,8 @@ mod tests {
         assert_eq!((told, report.key_frame_discs), (vec![10.0, -2.0], 2));
     }
 
-    /// Where a camera only assumes floor, what another camera's key frames saw before it stays.
+    /// A disc that the first camera's key frames saw stands before a surface of the second camera: it stays where that surface is only
+    /// assumed.
     #[test]
     fn an_assumed_floor_drops_nothing() {
         let before = Disc {

@@ -34,7 +34,8 @@ pub struct BuildReport {
     pub picks_left_out: Vec<String>,
     /// Number of points that the program proposed to itself, since the project has none.
     pub proposed_points: usize,
-    /// Number of features of a capture that were found in another camera's picture; they join the captures beside the picks.
+    /// Number of features of a capture that were found in another camera's picture; in the adjustment they join the captures beside
+    /// the picks.
     pub shared_features: usize,
     /// Relative standard deviation by which the adjustment of all captures changed each camera's depths beside their scale; that of
     /// the depths at the picks where captures were not adjusted; empty for one camera.

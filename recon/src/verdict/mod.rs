@@ -274,13 +274,13 @@ fn adjustment(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mu
     }
     for (index, capture) in captures.iter().enumerate() {
         let of_camera = || evidence.pairs.iter().filter(move |pair| pair.cameras.contains(&index));
-        let shares_nothing = of_camera().all(|pair| pair.shared_features == Some(0));
+        let shares_nothing = of_camera().filter_map(|pair| pair.shared_features).max() == Some(0);
         // Of two cameras the first tells it for both.
         let is_told = evidence.cameras.len() == 2 && index == 1;
         if of_camera().any(PairEvidence::is_borne_out) && shares_nothing && !is_told {
             let text = format!(
                 "the picture of `{}` looks like others where surfaces coincide, but no feature of it is found in them again: a \
-                 pattern that repeats may deceive; check its picks, and that the capture is this camera's",
+                 pattern that repeats may deceive; check its picks, and that the capture is of this camera",
                 capture.name
             );
             reasons.push(Reason { light: Light::Amber, text });

@@ -209,21 +209,20 @@ fn pictures_that_look_alike_and_share_no_feature_are_doubted() {
     assert_eq!(judged(apart).0, Light::Green);
 
     // Of three cameras each shares features with one other: nobody stands alone.
-    let three = |of_third: usize| {
+    let three = |of_third: Option<usize>| {
         judged(move |room, captures| {
             captures.push(CaptureFigures { name: "third".into(), ..captures[0].clone() });
             room.cameras.push(room.cameras[0].clone());
-            let pair = |cameras, shared: usize| PairEvidence {
-                cameras,
-                shared_features: Some(shared),
-                ..room.pairs[0].clone()
-            };
-            room.pairs = vec![pair([0, 1], 60), pair([0, 2], 0), pair([1, 2], of_third)];
+            let pair =
+                |cameras, shared_features| PairEvidence { cameras, shared_features, ..room.pairs[0].clone() };
+            room.pairs = vec![pair([0, 1], Some(60)), pair([0, 2], Some(0)), pair([1, 2], of_third)];
         })
     };
-    assert_eq!(three(12).0, Light::Green);
-    let (light, text) = three(0);
-    assert!(light == Light::Amber && text.contains("`third`"), "{text}");
+    assert_eq!(three(Some(12)).0, Light::Green);
+    for of_third in [Some(0), None] {
+        let (light, text) = three(of_third);
+        assert!(light == Light::Amber && text.contains("`third`"), "{of_third:?}: {text}");
+    }
 }
 
 #[test]

@@ -37,15 +37,15 @@ pub(crate) fn assume_floor(
     level_from_camera: &[Similarity3<f64>],
 ) {
     for ((surface, lens), level) in surfaces.iter_mut().zip(lenses).zip(level_from_camera) {
-        under(surface, lens, level);
+        assume_in(surface, lens, level);
     }
 }
 
-/// How far from its camera the floor reaches in each direction, metres along the floor.
+/// Distance from a camera at which the floor that is assumed for it ends, for each direction along the floor, metres.
 struct Reach(Vec<f64>);
 
 impl Reach {
-    /// `None` where nothing was seen in any direction.
+    /// `None` of a camera that saw neither a wall nor floor.
     fn of(surface: &Surface, level_from_camera: &Similarity3<f64>) -> Option<Self> {
         let eye = (level_from_camera * Point3::origin()).xy();
         let (mut walls, mut floor) = (vec![Vec::new(); DIRECTIONS], vec![Vec::new(); DIRECTIONS]);
@@ -76,7 +76,7 @@ impl Reach {
         Some(Self(floor.into_iter().enumerate().map(of_direction).collect::<Option<Vec<f64>>>()?))
     }
 
-    /// Whether the floor reaches so far from the camera.
+    /// Tells whether a place on the floor, given from the camera's foot, is within reach.
     fn holds(&self, ahead: &Vector2<f64>) -> bool {
         ahead.norm() <= self.0[direction(ahead)]
     }
@@ -98,7 +98,7 @@ fn farthest(mut distances: Vec<f64>) -> Option<f64> {
 }
 
 /// Assumes the floor in one camera's picture.
-fn under(surface: &mut Surface, lens: &calib::Intrinsics, level_from_camera: &Similarity3<f64>) {
+fn assume_in(surface: &mut Surface, lens: &calib::Intrinsics, level_from_camera: &Similarity3<f64>) {
     let Some(reach) = Reach::of(surface, level_from_camera) else { return };
     let filmed = calib::undistort::UndistortMap::to(lens, &surface.intrinsics).filmed();
     let (width, camera) = (surface.width(), surface.pinhole());
@@ -155,8 +155,7 @@ mod tests {
     /// Depth of the floor at a pixel, in units of the capture.
     fn truth(surface: &Surface, i: usize) -> Option<f64> {
         let ray = surface.pinhole().ray((i % surface.width()) as f32, (i / surface.width()) as f32);
-        let down =
-            -(level_from_camera() * Vector3::new(f64::from(ray.x), f64::from(ray.y), f64::from(ray.z))).z;
+        let down = -(level_from_camera() * vector_from_vec3(ray)).z;
         (down > 0.0).then(|| EYE_M / down)
     }
 
@@ -216,8 +215,8 @@ mod tests {
         let level = level_from_camera();
         let eye = level * Point3::origin();
         let (width, middle) = (surface.width(), surface.width() / 2);
-        let ahead =
-            |i: usize| level * vector_from_vec3(lens_rays().ray((i % width) as f32, (i / width) as f32));
+        let pinhole = surface.pinhole();
+        let ahead = |i: usize| level * vector_from_vec3(pinhole.ray((i % width) as f32, (i / width) as f32));
         let towards = vec3_from_vector(&(level.isometry.rotation.inverse() * -Vector3::y()));
         let mut far_m = 0f64;
         for i in 0..surface.depth.len() {
@@ -250,10 +249,6 @@ mod tests {
         assert!((AHEAD_M - 0.15..AHEAD_M + 0.05).contains(&wall_m), "{wall_m}");
         let right_m = farthest_m(middle + 2..width, Vector2::norm);
         assert!((0.7 * far_m..=far_m).contains(&right_m), "{right_m} {far_m}");
-    }
-
-    fn lens_rays() -> crate::dense::Pinhole {
-        carpet(&lens()).pinhole()
     }
 
     #[test]
