@@ -106,7 +106,7 @@ fn describe(seed: u64, name: &str, report: &BuildReport) {
     }
     for pair in &evidence.pairs {
         println!(
-            "      {} picks, {} left out, {:.2} px; {} overlapping, {:.3} in the way; correlation {:.2} at {}; {} features shared",
+            "      {} picks, {} left out, {:.2} px; {} overlapping, {:.3} in the way; correlation {:.2} at {}; shared features: {}",
             pair.picks,
             pair.left_out,
             pair.rms_px,
@@ -114,7 +114,7 @@ fn describe(seed: u64, name: &str, report: &BuildReport) {
             pair.in_the_way,
             pair.correlation,
             pair.compared,
-            pair.shared_features.map_or("not searched:".to_owned(), |count| count.to_string())
+            pair.shared_features.map_or("not searched".to_owned(), |count| count.to_string())
         );
     }
     for reason in &report.verdict.reasons {
