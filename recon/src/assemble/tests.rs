@@ -53,6 +53,7 @@ fn project(points: Vec<PickedPoint>, length: KnownLength) -> Project {
         path: "room.toml".into(),
         cameras: vec![camera("a"), camera("b")],
         points,
+        are_points_proposed: false,
         lengths: vec![length],
         control_points: Vec::new(),
     }

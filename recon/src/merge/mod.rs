@@ -4,10 +4,11 @@
 //! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a
 //! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the first
 //! camera on ([`graph`]). Cameras and points then move until the picks project onto their pixels ([`refine`]), which shows the
-//! picks that do not fit. From there on all captures are adjusted together, key frame by key frame, with the features that
+//! picks that do not fit, and, with the surfaces' help, depths that are another surface's ([`foreign_depths`]). From there on all captures are adjusted together, key frame by key frame, with the features that
 //! two cameras see ([`adjustment`]), and once more with their features on the floor in one plane ([`on_floor`]).
 
 mod adjustment;
+mod foreign_depths;
 mod graph;
 mod on_floor;
 mod refine;
@@ -55,6 +56,9 @@ pub struct MergeReport {
     pub pick_rms_px: f64,
     /// Outliers among the picks: number of the point (from 1), index of the camera, distance in pixels.
     pub outliers: Vec<(usize, usize, f64)>,
+    /// Depths at picks that belong to another surface than the pick and are not used: number of the point (from 1), index of the
+    /// camera.
+    pub foreign_depths: Vec<(usize, usize)>,
     /// Distance of each pick that fits from the projection of its point: number of the point (from 1), index of the
     /// camera, pixels.
     pub misfits_px: Vec<(usize, usize, f64)>,
@@ -125,7 +129,8 @@ pub fn merge(
 ) -> Result<(Merged, MergeReport)> {
     let picks = lift(project, surfaces, lenses, measured, options)?;
     let start = graph::chain(project, &picks, surfaces.len())?;
-    let (merged, report) = refine::refine(&picks, &start, surfaces, options);
+    let merged = refine::refine(&picks, &start, surfaces, options);
+    let (merged, report) = foreign_depths::leave_out(&picks, merged, surfaces, options);
     check_pairs(project, &picks, &report)?;
     Ok((merged, report))
 }
@@ -165,6 +170,7 @@ pub(crate) fn adjust<'a>(
     }
     let mut picks = lift(project, surfaces, lenses, measured, options)?;
     picks.retain(|pick| !report.is_left_out(pick.point + 1));
+    picks.iter_mut().for_each(|pick| pick.forget_foreign_depth(&report.foreign_depths));
     let shared = adjustment::shared_features(motions, surfaces, &merged.common_from_camera)?;
     let shared_features = shared.iter().map(|(pair, found)| (*pair, found.len())).collect();
     let shared: Vec<SharedFeature> = shared.into_values().flatten().collect();

@@ -52,6 +52,7 @@ pub(super) fn join(
         path: "picks".into(),
         cameras: views.map(camera).into(),
         points,
+        are_points_proposed: false,
         lengths: Vec::new(),
         control_points: Vec::new(),
     };

@@ -39,6 +39,8 @@ pub struct Project {
     pub cameras: Vec<ProjectCamera>,
     /// Physical points picked in two or more reference images.
     pub points: Vec<PickedPoint>,
+    /// Whether the program proposed the points to itself, since the file has none.
+    pub are_points_proposed: bool,
     /// Lengths that give the metres.
     pub lengths: Vec<KnownLength>,
     /// Points with known coordinates, which give the room its place, its direction and, with the lengths, the metres.
@@ -95,7 +97,14 @@ impl Project {
         let points = file.points(path, &cameras)?;
         let lengths = file.lengths(path, &cameras)?;
         let control_points = file.control_points(path, &cameras)?;
-        let project = Self { path: path.to_owned(), cameras, points, lengths, control_points };
+        let project = Self {
+            path: path.to_owned(),
+            cameras,
+            points,
+            are_points_proposed: false,
+            lengths,
+            control_points,
+        };
         let known: Vec<Option<(u32, u32)>> =
             project.cameras.iter().map(|c| c.intrinsics.as_ref().map(|k| (k.width, k.height))).collect();
         if let Some(sizes) = known.into_iter().collect::<Option<Vec<_>>>() {
@@ -110,6 +119,7 @@ impl Project {
     /// Takes points over that the program proposes; tells whether they join all cameras.
     pub(crate) fn take_proposed(&mut self, points: Vec<PickedPoint>) -> bool {
         self.points = points;
+        self.are_points_proposed = true;
         self.check_connected().is_ok()
     }
 

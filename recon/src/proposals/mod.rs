@@ -150,6 +150,13 @@ pub(crate) fn evidence_of(
 /// Indices of the pixels of one picture that are found in another, with their pixels there.
 pub(crate) type FoundPixels = Vec<(usize, Point2<f64>)>;
 
+/// Number of places at which two surfaces coincide, times the correlation of their pictures there; 0 where surfaces and pictures do
+/// not confirm the relative pose `first_from_second`.
+pub(crate) fn support(surfaces: [&Surface; 2], first_from_second: &Similarity3<f64>) -> f64 {
+    let told = evidence_of(surfaces, first_from_second);
+    if told.confirms(&ProposalOptions::default()) { told.compared as f64 * told.correlation } else { 0.0 }
+}
+
 /// Pixels of either picture searched in the other, with the relative pose `first_from_second`: for each picture the index of
 /// each pixel that is found, and its pixel in the other picture. `None` without a search, where surfaces and pictures do not confirm
 /// the pose.
@@ -185,10 +192,15 @@ fn confirmed(
 ) -> Option<f64> {
     let told = evidence::of(seen, first_from_second);
     tracing::debug!("{told:?}");
-    let speaks_for_it = told.in_the_way <= options.most_in_the_way
-        && told.correlation >= options.least_correlation
-        && told.compared >= options.least_compared;
-    speaks_for_it.then_some(told.correlation)
+    told.confirms(options).then_some(told.correlation)
+}
+
+impl SimilarityEvidence {
+    fn confirms(&self, options: &ProposalOptions) -> bool {
+        self.in_the_way <= options.most_in_the_way
+            && self.correlation >= options.least_correlation
+            && self.compared >= options.least_compared
+    }
 }
 
 fn compare(

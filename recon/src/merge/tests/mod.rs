@@ -2,6 +2,7 @@
 
 mod adjusted;
 mod box_room;
+mod foreign_depths;
 
 use super::*;
 use crate::project::{KnownLength, PickedPoint, ProjectCamera};
@@ -69,6 +70,7 @@ fn project_of(points: Vec<PickedPoint>, lens: &Intrinsics) -> Project {
         path: "room.toml".into(),
         cameras: vec![camera("a"), camera("b")],
         points,
+        are_points_proposed: false,
         lengths: vec![KnownLength::Height { camera: 0, height_m: 2.2 }],
         control_points: Vec::new(),
     }
