@@ -26,6 +26,8 @@ pub struct RoomEvidence {
     pub floor_share: f64,
     /// Median distance of the measured surfaces from their cameras, metres.
     pub reach_m: f64,
+    /// Whether the program proposed the picks to itself.
+    pub are_picks_proposed: bool,
     /// Whether what the captures show contradicts the picks, so that the picks alone place the cameras.
     pub adjustment_contradicts_picks: bool,
     /// Each known length beside what the room has there.
@@ -95,6 +97,7 @@ pub(crate) fn gather(
     RoomEvidence {
         cameras: cameras.collect(),
         pairs: pairs(project, surfaces, merged, report),
+        are_picks_proposed: project.are_points_proposed,
         floor_share,
         reach_m: reach(surfaces, &merged.common_from_camera) * metres_per_unit,
         adjustment_contradicts_picks: report.adjustment.as_ref().is_some_and(|told| told.contradicts_picks),

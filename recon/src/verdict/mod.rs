@@ -46,7 +46,7 @@ const UNLIKE: f64 = 0.3;
 const LEAST_COMPARED: usize = 40;
 /// Number of picks that fit a pair whatever they are.
 const FITS_ANYTHING: usize = 3;
-/// Largest share of a pair's picks that may be left out.
+/// Largest share of a pair's points that may be left out where the program proposed them.
 const MOST_LEFT_OUT: f64 = 0.34;
 /// Root mean square distance of the picks, in shares of the picture's width.
 const PICKS_OFF: f64 = 0.008;
@@ -186,7 +186,6 @@ fn pairs(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec
     for pair in &evidence.pairs {
         let [a, b] = pair.cameras.map(|camera| &captures[camera].name);
         let width = pair.cameras.map(|camera| captures[camera].width).into_iter().min().unwrap_or_default();
-        let is_unlike = pair.compared >= LEAST_COMPARED && pair.correlation < UNLIKE;
         let is_borne_out = pair.is_borne_out();
         let light = pair.contradiction();
         if light > Light::Green {
@@ -196,7 +195,7 @@ fn pairs(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec
                 100.0 * pair.in_the_way
             );
             reasons.push(Reason { light, text });
-        } else if is_unlike {
+        } else if pair.is_unlike() {
             let text = format!(
                 "`{a}` and `{b}` look different where their surfaces coincide (correlation {:.2}): check their picks",
                 pair.correlation
@@ -223,12 +222,9 @@ fn pairs(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec
         }
         let picked = pair.picks + pair.left_out;
         if pair.left_out > 0 {
+            // A person's pick that is left out contradicts the room; of the program's own proposals some may be chance.
             let is_much = pair.left_out as f64 > MOST_LEFT_OUT * picked as f64;
-            let light = if is_much || !is_borne_out && pair.picks <= FITS_ANYTHING {
-                Light::Amber
-            } else {
-                Light::Green
-            };
+            let light = if is_much || !evidence.are_picks_proposed { Light::Amber } else { Light::Green };
             let text = format!(
                 "{} of {picked} picks of `{a}` and `{b}` do not fit and were left out: pick them again",
                 pair.left_out
@@ -248,6 +244,11 @@ impl PairEvidence {
         self.compared >= LEAST_COMPARED && self.correlation >= ALIKE
     }
 
+    /// Whether the pictures show different things where the surfaces coincide.
+    fn is_unlike(&self) -> bool {
+        self.compared >= LEAST_COMPARED && self.correlation < UNLIKE
+    }
+
     /// Colour by the surfaces that stand in the other's view. Edges of things and vague depths stand there, too: where the
     /// pictures are alike a share is less doubtful, and where they differ it is more.
     fn contradiction(&self) -> Light {
@@ -264,8 +265,8 @@ impl PairEvidence {
     }
 }
 
-/// Captures that contradict the picks, and a camera whose picture looks like the others' and shares no feature with them:
-/// a pattern that repeats looks alike at a wrong place, too.
+/// Captures that contradict the picks, and a camera whose place nothing but the picks tells: its picture looks like the others'
+/// and shares no feature with them, as a pattern that repeats does at a wrong place, or they have not been alike enough to search.
 fn adjustment(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mut Vec<Reason>) {
     if evidence.adjustment_contradicts_picks {
         let text = "the captures' own motions contradict the picks, which alone place the cameras now: check each pick, and that \
@@ -273,18 +274,30 @@ fn adjustment(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mu
         reasons.push(Reason { light: Light::Amber, text: text.into() });
     }
     for (index, capture) in captures.iter().enumerate() {
-        let of_camera = || evidence.pairs.iter().filter(move |pair| pair.cameras.contains(&index));
-        let shares_nothing = of_camera().filter_map(|pair| pair.shared_features).max() == Some(0);
-        // Of two cameras the first tells it for both.
-        let is_told = evidence.cameras.len() == 2 && index == 1;
-        if of_camera().any(PairEvidence::is_borne_out) && shares_nothing && !is_told {
-            let text = format!(
-                "the picture of `{}` looks like others where surfaces coincide, but no feature of it is found in them again: a \
-                 pattern that repeats may deceive; check its picks, and that the capture is of this camera",
-                capture.name
-            );
-            reasons.push(Reason { light: Light::Amber, text });
+        let of_camera = || {
+            let compared =
+                |pair: &&PairEvidence| pair.cameras.contains(&index) && pair.compared >= LEAST_COMPARED;
+            evidence.pairs.iter().filter(compared)
+        };
+        let shares_features = of_camera().any(|pair| pair.shared_features.is_some_and(|count| count > 0));
+        // Of two cameras the first tells it for both; what looks different has been told.
+        let is_told = evidence.cameras.len() == 2 && index == 1 || of_camera().all(PairEvidence::is_unlike);
+        if shares_features || is_told {
+            continue;
         }
+        let name = &capture.name;
+        let text = if of_camera().any(|pair| pair.shared_features.is_some()) {
+            format!(
+                "the picture of `{name}` looks like others where surfaces coincide, but no feature of it is found in them again: a \
+                 pattern that repeats may deceive; check its picks, and that the capture is of this camera"
+            )
+        } else {
+            format!(
+                "where the picks put `{name}`, its surfaces and its picture do not agree well enough with the others' to bear them \
+                 out: pick more points, at corners of things and far apart, and check that the capture is of this camera"
+            )
+        };
+        reasons.push(Reason { light: Light::Amber, text });
     }
 }
 
