@@ -12,6 +12,7 @@ use std::path::Path;
 use recon::dense::DenseOptions;
 use recon::pipeline::{BuildOptions, BuildReport, build};
 use recon::verdict::Light;
+use tests::accuracy::RelativePoseError;
 use tests::chain::StepResult;
 use tests::spoilt::{FilmedRoom, Mistake};
 
@@ -53,7 +54,9 @@ fn main() -> StepResult<()> {
             let of_kind = outcomes.entry(name.clone()).or_default();
             match built(&project) {
                 Ok(report) => {
-                    describe(seed, &name, &report);
+                    // A red room is kept elsewhere.
+                    let off = filmed.error(&project.with_file_name("room"), mistake).ok();
+                    describe(seed, &name, &report, off);
                     match report.verdict.light {
                         Light::Green => of_kind.green.push(seed),
                         Light::Amber => of_kind.amber += 1,
@@ -85,10 +88,13 @@ fn built(project: &Path) -> Result<BuildReport, String> {
 }
 
 /// Prints a verdict with the figures it was made of.
-fn describe(seed: u64, name: &str, report: &BuildReport) {
+fn describe(seed: u64, name: &str, report: &BuildReport, off: Option<RelativePoseError>) {
     let evidence = &report.evidence;
+    let off = off
+        .map(|off| format!("off {:.1} cm, {:.2}°; ", off.position_cm, off.rotation_deg))
+        .unwrap_or_default();
     println!(
-        "{seed} {name:<12} {:<6}   reach {:.1} m, floor {:.3}",
+        "{seed} {name:<12} {:<6}   {off}reach {:.1} m, floor {:.3}",
         report.verdict.light.word(),
         evidence.reach_m,
         evidence.floor_share

@@ -9,8 +9,10 @@ use nalgebra::{Point2, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
+use scenes::room::Room;
 use synthetic::{CaptureOptions, RoomOptions, SyntheticRoom};
 
+use crate::accuracy::{RelativePoseError, relative_pose};
 use crate::chain::StepResult;
 use crate::project::picks;
 
@@ -122,6 +124,19 @@ impl FilmedRoom {
         let path = self.folder.join("room.toml");
         std::fs::write(&path, text).map_err(|e| e.to_string())?;
         Ok(path)
+    }
+
+    /// Error of the relative pose of a built room's cameras. Of exchanged captures each camera is where its film was taken.
+    ///
+    /// # Errors
+    /// A room that cannot be read.
+    pub fn error(&self, room: &Path, mistake: Option<Mistake>) -> StepResult<RelativePoseError> {
+        let room = Room::read(room).map_err(|e| e.to_string())?;
+        let [Some(first), Some(second)] = [room.cameras.first(), room.cameras.get(1)] else {
+            return Err("a room without two cameras".into());
+        };
+        let filmed_by = if mistake == Some(Mistake::Swapped) { [1, 0] } else { [0, 1] };
+        Ok(relative_pose([&first.camera, &second.camera], filmed_by.map(|index| self.camera(index))))
     }
 
     fn picked(&self, mistake: Option<Mistake>) -> StepResult<Vec<[Point2<f64>; 2]>> {
