@@ -91,6 +91,14 @@ pub fn assemble(
             project.cameras[*camera].name
         );
     }
+    for (point, camera) in &merge_report.foreign_depths {
+        tracing::warn!(
+            "{}: [[point]] {point}, {}: its depth is measured at another surface, and not used; pick corners of things rather than \
+             what is seen between them",
+            project.path.display(),
+            project.cameras[*camera].name
+        );
+    }
     for (camera, sigma) in project.cameras.iter().zip(&merge_report.depth_sigma) {
         if *sigma > DOUBTFUL_DEPTH {
             tracing::warn!(

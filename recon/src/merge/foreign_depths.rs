@@ -14,13 +14,13 @@ use crate::surface::Surface;
 
 /// Largest ratio of the scales on which the depths of a group agree.
 const AGREEMENT: f64 = 1.02;
-
 /// Share of a camera's depths that are enough, where they agree, for the others to be outliers that do no harm.
 const MOST: f64 = 0.67;
 /// Factor by which another group of depths must be better supported.
 const CLEARLY: f64 = 2.0;
 
-/// The same cameras; or, where the depths of one do not agree on its scale, those by the group of them that the surfaces support.
+/// The same cameras; or, where the depths of one do not agree on its scale, those by the group of them that the surfaces support. One
+/// camera after the other, in their order: each is tried beside the others as they then stand.
 pub(super) fn leave_out(
     picks: &[LiftedPick],
     (merged, report): (Merged, MergeReport),
@@ -53,7 +53,7 @@ pub(super) fn leave_out(
 }
 
 impl LiftedPick {
-    /// Forgets a depth that belongs to another surface: number of the point (from 1) and index of the camera.
+    /// Forgets its depth if that belongs to another surface; `foreign` has numbers of points, from 1, and indices of cameras.
     pub(super) fn forget_foreign_depth(&mut self, foreign: &[(usize, usize)]) {
         if foreign.contains(&(self.point + 1, self.camera)) {
             (self.seen, self.depth) = (None, None);
