@@ -39,7 +39,9 @@ pub(super) fn leave_out(
             let mut foreign_depths = so_far.1.foreign_depths.clone();
             foreign_depths.extend(foreign.into_iter().map(|point| (point, camera)));
             let mut others = picks.to_vec();
-            others.iter_mut().for_each(|pick| pick.forget_foreign_depth(&foreign_depths));
+            for pick in &mut others {
+                pick.forget_foreign_depth(&foreign_depths);
+            }
             let start = stretched(&so_far.0.common_from_camera, camera, stretch);
             let (merged, report) = refine::refine(&others, &start, surfaces, options);
             let supported = support(camera, &merged, surfaces);

@@ -170,7 +170,9 @@ pub(crate) fn adjust<'a>(
     }
     let mut picks = lift(project, surfaces, lenses, measured, options)?;
     picks.retain(|pick| !report.is_left_out(pick.point + 1));
-    picks.iter_mut().for_each(|pick| pick.forget_foreign_depth(&report.foreign_depths));
+    for pick in &mut picks {
+        pick.forget_foreign_depth(&report.foreign_depths);
+    }
     let shared = adjustment::shared_features(motions, surfaces, &merged.common_from_camera)?;
     let shared_features = shared.iter().map(|(pair, found)| (*pair, found.len())).collect();
     let shared: Vec<SharedFeature> = shared.into_values().flatten().collect();
