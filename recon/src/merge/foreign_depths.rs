@@ -16,6 +16,8 @@ use crate::surface::Surface;
 const AGREEMENT: f64 = 1.02;
 /// Share of a camera's depths that are enough, where they agree, for the others to be outliers that do no harm.
 const MOST: f64 = 0.67;
+/// Most groups that are tried.
+const MOST_TRIED: usize = 20;
 /// Factor by which another group of depths must be better supported.
 const CLEARLY: f64 = 2.0;
 
@@ -81,7 +83,7 @@ struct Group {
     foreign: Vec<usize>,
 }
 
-/// Groups of a camera's depths, the largest first; none where most of them agree.
+/// Groups of a camera's depths, which may overlap, the largest first; none where most of its depths agree.
 fn groups(picks: &[LiftedPick], merged: &Merged, camera: usize) -> Vec<Group> {
     let camera_from_common = merged.common_from_camera[camera].inverse();
     let stretch = |pick: &LiftedPick| {
@@ -110,7 +112,7 @@ fn groups(picks: &[LiftedPick], merged: &Merged, camera: usize) -> Vec<Group> {
             foreign: others.map(|(_, number)| *number).collect(),
         }
     };
-    ranges.map(group).collect()
+    ranges.take(MOST_TRIED).map(group).collect()
 }
 
 /// Cameras with the scale of one of them changed by a factor; the first keeps its frame and its unit.

@@ -4,8 +4,9 @@
 //! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a
 //! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the first
 //! camera on ([`graph`]). Cameras and points then move until the picks project onto their pixels ([`refine`]), which shows the
-//! picks that do not fit, and, with the surfaces' help, depths that are another surface's ([`foreign_depths`]). From there on all captures are adjusted together, key frame by key frame, with the features that
-//! two cameras see ([`adjustment`]), and once more with their features on the floor in one plane ([`on_floor`]).
+//! picks that do not fit, and, with the surfaces' help, depths that are another surface's ([`foreign_depths`]). From there on all
+//! captures are adjusted together, key frame by key frame, with the features that two cameras see ([`adjustment`]), and once more with
+//! their features on the floor in one plane ([`on_floor`]).
 
 mod adjustment;
 mod foreign_depths;

@@ -274,15 +274,13 @@ fn adjustment(evidence: &RoomEvidence, captures: &[CaptureFigures], reasons: &mu
         reasons.push(Reason { light: Light::Amber, text: text.into() });
     }
     for (index, capture) in captures.iter().enumerate() {
-        let of_camera = || {
-            let compared =
-                |pair: &&PairEvidence| pair.cameras.contains(&index) && pair.compared >= LEAST_COMPARED;
-            evidence.pairs.iter().filter(compared)
-        };
+        let of_camera = || evidence.pairs.iter().filter(move |pair| pair.cameras.contains(&index));
         let shares_features = of_camera().any(|pair| pair.shared_features.is_some_and(|count| count > 0));
-        // Of two cameras the first tells it for both; what looks different has been told.
-        let is_told = evidence.cameras.len() == 2 && index == 1 || of_camera().all(PairEvidence::is_unlike);
-        if shares_features || is_told {
+        // Pictures that hardly overlap have nothing to share, and those that look different are told as such.
+        let has_to_share = of_camera().any(|pair| pair.compared >= LEAST_COMPARED && !pair.is_unlike());
+        // Of two cameras the first tells it for both.
+        let is_told = evidence.cameras.len() == 2 && index == 1;
+        if shares_features || !has_to_share || is_told {
             continue;
         }
         let name = &capture.name;

@@ -212,6 +212,10 @@ fn pictures_that_look_alike_and_share_no_feature_are_doubted() {
         (room.pairs[0].shared_features, room.pairs[0].compared) = (Some(0), 20);
     };
     assert_eq!(judged(apart).0, Light::Green);
+    // Pictures that look different are told as such, once.
+    let mut unlike = evidence();
+    (unlike.pairs[0].shared_features, unlike.pairs[0].correlation) = (None, 0.1);
+    assert_eq!(judge(&unlike, &captures()).reasons.len(), 1);
 
     // Of three cameras each shares features with one other: nobody stands alone.
     let three = |of_third: Option<usize>| {
