@@ -5,8 +5,6 @@
 //! agree on a scale are then tried alone, each group of them, and the one is taken with which far more of the surfaces coincide with
 //! pictures that are alike.
 
-use nalgebra::Similarity3;
-
 use super::{LiftedPick, MergeOptions, MergeReport, Merged, pairs, refine};
 use crate::project::LEAST_SHARED_POINTS;
 use crate::proposals;
@@ -37,15 +35,15 @@ pub(super) fn leave_out(
         }
         let mut most = CLEARLY * support(camera, &taken.0, surfaces);
         let so_far = taken.clone();
-        for Group { stretch, foreign } in groups {
+        for foreign in groups {
             let mut foreign_depths = so_far.1.foreign_depths.clone();
             foreign_depths.extend(foreign.into_iter().map(|point| (point, camera)));
             let mut others = picks.to_vec();
             for pick in &mut others {
                 pick.forget_foreign_depth(&foreign_depths);
             }
-            let start = stretched(&so_far.0.common_from_camera, camera, stretch);
-            let (merged, report) = refine::refine(&others, &start, surfaces, options);
+            let start = &so_far.0.common_from_camera;
+            let (merged, report) = refine::refine(&others, start, surfaces, options);
             let supported = support(camera, &merged, surfaces);
             if supported > most {
                 most = supported;
@@ -75,16 +73,9 @@ fn support(camera: usize, merged: &Merged, surfaces: &[Surface]) -> f64 {
     pairs(surfaces.len()).filter(|pair| pair.contains(&camera)).map(of_pair).sum()
 }
 
-/// Depths of a camera that agree on its scale.
-struct Group {
-    /// Factor of its scale.
-    stretch: f64,
-    /// Numbers of the points whose depths in this camera do not agree.
-    foreign: Vec<usize>,
-}
-
-/// Groups of a camera's depths, which may overlap, the largest first; none where most of its depths agree.
-fn groups(picks: &[LiftedPick], merged: &Merged, camera: usize) -> Vec<Group> {
+/// Groups of a camera's depths that agree on its scale, the largest first; they may overlap. Of each the numbers of the points whose
+/// depths are not in it. None where most of the depths agree.
+fn groups(picks: &[LiftedPick], merged: &Merged, camera: usize) -> Vec<Vec<usize>> {
     let camera_from_common = merged.common_from_camera[camera].inverse();
     let stretch = |pick: &LiftedPick| {
         let stretch = (camera_from_common * merged.points[pick.point]?).z / pick.seen?.z;
@@ -105,25 +96,9 @@ fn groups(picks: &[LiftedPick], merged: &Merged, camera: usize) -> Vec<Group> {
         return Vec::new();
     }
     let ranges = ranges.into_iter().filter(|(_, count)| *count >= LEAST_SHARED_POINTS);
-    let group = |(first, count): (usize, usize)| {
+    let others = |(first, count): (usize, usize)| {
         let others = stretches[..first].iter().chain(&stretches[first + count..]);
-        Group {
-            stretch: stretches[first + count / 2].0,
-            foreign: others.map(|(_, number)| *number).collect(),
-        }
+        others.map(|(_, number)| *number).collect()
     };
-    ranges.take(MOST_TRIED).map(group).collect()
-}
-
-/// Cameras with the scale of one of them changed by a factor; the first keeps its frame and its unit.
-fn stretched(common_from_camera: &[Similarity3<f64>], camera: usize, factor: f64) -> Vec<Similarity3<f64>> {
-    let mut cameras = common_from_camera.to_vec();
-    if camera > 0 {
-        cameras[camera].prepend_scaling_mut(factor);
-        return cameras;
-    }
-    for other in &mut cameras[1..] {
-        other.append_scaling_mut(1.0 / factor);
-    }
-    cameras
+    ranges.take(MOST_TRIED).map(others).collect()
 }
