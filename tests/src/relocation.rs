@@ -23,6 +23,8 @@ const MOST_MOVED_M: f64 = 0.3;
 const TURNED_DEG: std::ops::RangeInclusive<f64> = 1.0..=15.0;
 /// Relative step of a depth map that is an edge.
 const LARGEST_STEP: f32 = 0.05;
+/// Widest hole of a depth map that is filled, pixels.
+const WIDEST_HOLE_PX: i64 = 2;
 /// Most turn by the homography, whose picture has a black border, degrees.
 const MOST_WARPED_DEG: f64 = 12.0;
 
@@ -91,7 +93,8 @@ pub fn rendered_views(
     seed: u64,
 ) -> Result<Vec<BumpedView>, String> {
     let picture = frames(data, camera)?.pop().ok_or("an empty capture")?;
-    let depth = png::read(&data.join(format!("depth_{camera}.png"))).map_err(|e| e.to_string())?;
+    let mut depth = png::read(&data.join(format!("depth_{camera}.png"))).map_err(|e| e.to_string())?;
+    close_holes(&mut depth);
     let scene = RayScene::new(&surface(&depth, lens)).map_err(|e| e.to_string())?;
     let mut random = Pcg64::seed_from_u64(seed);
     let mut direction = || Vector3::from_fn(|_, _| random.sample::<f64, _>(StandardNormal)).normalize();
@@ -117,6 +120,34 @@ pub fn rendered_views(
         BumpedView { picture: view, now_from_installed }
     });
     Ok(views.collect())
+}
+
+/// Fills lines and dots of a pixel or two that a depth map which was carried over from another camera leaves open, where
+/// the depths on both sides are one surface's. A camera's picture would show that surface there, not black.
+fn close_holes(depth: &mut DepthMap) {
+    let known = depth.clone();
+    let at = |u: i64, v: i64| {
+        let inside = (0..i64::from(known.width)).contains(&u) && (0..i64::from(known.height)).contains(&v);
+        inside.then(|| known.at(u as u32, v as u32)).filter(|z| *z > 0.0)
+    };
+    for v in 0..i64::from(known.height) {
+        for u in 0..i64::from(known.width) {
+            if at(u, v).is_some() {
+                continue;
+            }
+            let nearest =
+                |du: i64, dv: i64| (1..=WIDEST_HOLE_PX).find_map(|k| Some((k, at(u + k * du, v + k * dv)?)));
+            let across = [(1, 0), (0, 1), (1, 1), (1, -1)].into_iter().filter_map(|(du, dv)| {
+                let ((k, one), (l, other)) = (nearest(du, dv)?, nearest(-du, -dv)?);
+                let is_one_surface = (one - other).abs() < LARGEST_STEP * one.min(other);
+                (is_one_surface && k + l <= WIDEST_HOLE_PX + 1)
+                    .then(|| (k + l, (one * l as f32 + other * k as f32) / (k + l) as f32))
+            });
+            if let Some((_, z)) = across.min_by_key(|(width, _)| *width) {
+                depth.z_m[(v * i64::from(known.width) + u) as usize] = z;
+            }
+        }
+    }
 }
 
 /// Surfaces of a depth map, in the coordinates of its camera; open where the depth has a step.
