@@ -101,15 +101,26 @@ fn block(
     let (u, v) = (x as f32 + middle, y as f32 + middle);
     let (ray, normal) = (camera.ray(u, v), Support { w, gu, gv }.normal(u, v, &camera));
     let cosine = -normal.dot(ray) / ray.length();
-    // A block on a steep slope would reach far beyond its pixels.
-    if cosine < 0.15 {
+    if cosine <= 0.0 {
         return None;
     }
+    // Wide enough across the slope, and not so wide that it would reach far beyond its pixels there.
     let half_diagonal = std::f32::consts::FRAC_1_SQRT_2 * side as f32;
+    let radius = half_diagonal / (w * camera.fx.min(camera.fy)) / cosine.sqrt();
+    let center = ray / w;
+    // Along a steep slope it would leave gaps.
+    let last = (side - 1) as f32;
+    let covered = [(0.0, 0.0), (last, 0.0), (0.0, last), (last, last)].into_iter().all(|(du, dv)| {
+        let inverse = w + gu * (du - middle) + gv * (dv - middle);
+        (camera.ray(x as f32 + du, y as f32 + dv) / inverse).distance(center) <= radius
+    });
+    if !covered {
+        return None;
+    }
     Some(Disc {
-        center: ray / w,
+        center,
         normal,
-        radius: half_diagonal / (w * camera.fx.min(camera.fy)) / cosine.sqrt(),
+        radius,
         color: color.round().to_array().map(|c| c as u8),
         filled: first != DepthOrigin::Stereo,
         confidence: confidence(surface, pixels().map(|(u, v)| v * width + u)),
@@ -165,5 +176,42 @@ mod tests {
         let half: Vec<bool> = (0..512).map(|i| i % 32 < 16).collect();
         assert!(super::discs(&surface, &half, 1e-3).len() < discs.len());
         assert!(super::discs(&surface, &[false; 512], 1e-3).is_empty());
+    }
+
+    /// Planes that fall away along the columns, and along both axes, seen at 45 to 10° and flatter.
+    #[test]
+    fn no_pixel_of_a_steep_plane_is_left_open() {
+        let intrinsics = Intrinsics::from_horizontal_fov(64, 64, 60.0);
+        for (along_u, along_v) in [(0.0, 1.0), (0.7, 0.7)] {
+            for slope in [0.008, 0.018, 0.04, 0.09] {
+                let inverse =
+                    |u: usize, v: usize| 0.2 + slope * (along_u * u as f32 + along_v * (v as f32 - 8.0));
+                let pixels = || (0..64 * 64).map(|i| (i % 64, i / 64)).filter(|(_, v)| *v >= 8);
+                let mut surface = Surface {
+                    picture: RgbImage::new(64, 64),
+                    intrinsics: intrinsics.clone(),
+                    depth: vec![0.0; 64 * 64],
+                    normal: vec![-Vec3::Z; 64 * 64],
+                    agreeing: vec![3; 64 * 64],
+                    origin: vec![DepthOrigin::Stereo; 64 * 64],
+                    step: 0.005,
+                };
+                let camera = surface.pinhole();
+                for (u, v) in pixels() {
+                    let w = inverse(u, v);
+                    let plane = Support { w, gu: slope * along_u, gv: slope * along_v };
+                    surface.depth[v * 64 + u] = 1.0 / w;
+                    surface.normal[v * 64 + u] = plane.normal(u as f32, v as f32, &camera);
+                }
+                let keep: Vec<bool> = surface.depth.iter().map(|z| *z > 0.0).collect();
+                let discs = discs(&surface, &keep, 1e-3);
+                assert!(discs.len() <= pixels().count());
+                let is_open = |(u, v): &(usize, usize)| {
+                    let place = camera.ray(*u as f32, *v as f32) / inverse(*u, *v);
+                    !discs.iter().any(|disc| disc.center.distance(place) <= 1.001 * disc.radius)
+                };
+                assert_eq!(pixels().find(is_open), None, "slope {slope}: {} discs", discs.len());
+            }
+        }
     }
 }
