@@ -107,11 +107,10 @@ pub fn measure(film: &PosedFilm<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec
 fn measured(search: &RaySearch<'_>, reference: &Intensity, asked: &Asked) -> Option<RayMeasurement> {
     let mut sizes =
         PATCH_RADII_PX.iter().filter_map(|radius_px| search.patch_depth(reference, asked, *radius_px));
-    let mut found = sizes.next()?;
-    let smallest = found.depth.depth;
-    if let Some(larger) = sizes.filter(|m| (m.depth.depth / smallest - 1.0).abs() < SAME_SURFACE).last() {
-        found = larger;
-    }
+    let smallest = sizes.next()?;
+    let is_same = |m: &RayMeasurement| (m.depth.depth / smallest.depth.depth - 1.0).abs() < SAME_SURFACE;
+    let larger = sizes.rfind(is_same);
+    let mut found = larger.unwrap_or(smallest);
     if let Some(step) = edge(search, reference, asked, &found.depth) {
         found.depth.sigma = found.depth.sigma.hypot(step);
         found.seen.clear();
