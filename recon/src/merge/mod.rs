@@ -150,6 +150,7 @@ pub(crate) struct AdjustedCaptures<'a> {
     bundle: JointBundle<'a>,
     surfaces: &'a [Surface],
     picks: Vec<LiftedPick>,
+    pick_sigma_px: f64,
     pub(crate) merged: Merged,
     pub(crate) report: MergeReport,
 }
@@ -179,7 +180,15 @@ pub(crate) fn adjust<'a>(
     let shared: Vec<SharedFeature> = shared.into_values().flatten().collect();
     let bundle = adjustment::adjust(motions, surfaces, merged, (&picks, options.pick_sigma_px), &shared);
     report.adjustment = Some(AdjustmentReport { shared_features, contradicts_picks: false });
-    let start = AdjustedCaptures { bundle, surfaces, picks, merged: merged.clone(), report: report.clone() };
+    let pick_sigma_px = options.pick_sigma_px;
+    let start = AdjustedCaptures {
+        bundle,
+        surfaces,
+        picks,
+        pick_sigma_px,
+        merged: merged.clone(),
+        report: report.clone(),
+    };
     let adjusted = start.taken();
     if let (None, Some(told)) = (&adjusted, &mut report.adjustment) {
         told.contradicts_picks = true;
@@ -203,7 +212,7 @@ impl AdjustedCaptures<'_> {
             .collect();
         let squares: f64 = misfits_px.iter().map(|(.., off)| off * off).sum();
         let pick_rms_px = (squares / misfits_px.len().max(1) as f64).sqrt();
-        if !pick_rms_px.is_finite() || spoils(pick_rms_px, self.report.pick_rms_px) {
+        if !pick_rms_px.is_finite() || spoils(pick_rms_px, self.report.pick_rms_px, self.pick_sigma_px) {
             tracing::debug!(
                 "the adjustment moves the picks from {} to {pick_rms_px} px",
                 self.report.pick_rms_px
@@ -234,9 +243,9 @@ pub(crate) fn pairs(cameras: usize) -> impl Iterator<Item = [usize; 2]> {
 }
 
 /// Tells whether further constraints spoil the fit of the picks: root mean square distances with them and without them,
-/// pixels.
-fn spoils(with_px: f64, without_px: f64) -> bool {
-    with_px > 1.5 * without_px + 0.5
+/// pixels. Few picks fit better than they are picked; within twice their standard deviation they contradict nothing.
+fn spoils(with_px: f64, without_px: f64, pick_sigma_px: f64) -> bool {
+    with_px > (1.5 * without_px + 0.5).max(2.0 * pick_sigma_px)
 }
 
 /// A pick with its depth.
