@@ -243,9 +243,10 @@ pub(crate) fn pairs(cameras: usize) -> impl Iterator<Item = [usize; 2]> {
 }
 
 /// Tells whether further constraints spoil the fit of the picks: root mean square distances with them and without them,
-/// pixels. Few picks fit better than they are picked; within twice their standard deviation they contradict nothing.
+/// pixels. Three or four picks can all be fitted to a tenth of a pixel by cameras that stand wrong; a misfit as large as the
+/// noise of a pick in both coordinates contradicts nothing.
 fn spoils(with_px: f64, without_px: f64, pick_sigma_px: f64) -> bool {
-    with_px > (1.5 * without_px + 0.5).max(2.0 * pick_sigma_px)
+    with_px > (1.5 * without_px + 0.5).max(std::f64::consts::SQRT_2 * pick_sigma_px)
 }
 
 /// A pick with its depth.

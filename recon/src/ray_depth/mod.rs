@@ -104,6 +104,7 @@ pub fn measure(film: &PosedFilm<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec
     pixels.par_iter().map(|asked| measured(&search, reference, asked)).collect()
 }
 
+/// Depth of a pixel by the largest of its patches that agrees with the smallest.
 fn measured(search: &RaySearch<'_>, reference: &Intensity, asked: &Asked) -> Option<RayMeasurement> {
     let mut sizes =
         PATCH_RADII_PX.iter().filter_map(|radius_px| search.patch_depth(reference, asked, *radius_px));

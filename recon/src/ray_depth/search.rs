@@ -52,12 +52,13 @@ impl PixelPatch {
         Some(Warp { center, affine: Matrix2::from_columns(&columns) })
     }
 
+    /// Pixel of the patch's middle in a view for an inverse depth.
     fn seen(&self, lens: &Intrinsics, view: &FrameView<'_>, inverse_depth: f64) -> Option<Point2<f64>> {
         lens.project(&(view.from_reference * Point3::from(self.ray / inverse_depth)))
     }
 }
 
-/// What a patch is searched in.
+/// The frames in which patches of the reference frame are searched, their lens, and how far away things can be.
 pub(super) struct RaySearch<'a> {
     pub(super) lens: &'a Intrinsics,
     pub(super) views: Vec<FrameView<'a>>,
@@ -66,7 +67,8 @@ pub(super) struct RaySearch<'a> {
 }
 
 impl RaySearch<'_> {
-    /// Depth of the patch of `2 radius_px + 1` pixels a side around a pixel.
+    /// Depth of the patch of `2 radius_px + 1` pixels a side around a pixel; `None` where it has no texture, fits at several depths, or
+    /// too few frames show it.
     pub(super) fn patch_depth(
         &self,
         reference: &Intensity,
@@ -92,6 +94,7 @@ impl RaySearch<'_> {
         Some(RayMeasurement { depth, seen })
     }
 
+    /// Piece of plane that the pixel's patch shows; `None` where that is seen too flat.
     fn place(&self, asked: &Asked) -> Option<PixelPatch> {
         let ray = self.lens.unproject(&asked.pixel)?;
         let normal = asked.normal.unwrap_or(-ray);
