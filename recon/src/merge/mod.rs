@@ -129,6 +129,13 @@ pub fn merge(
     options: &MergeOptions,
 ) -> Result<(Merged, MergeReport)> {
     let picks = lift(project, surfaces, lenses, measured, options)?;
+    for LiftedPick { point, camera, depth, frames, .. } in &picks {
+        let depth = depth.map_or("no depth".to_owned(), |(depth, sigma)| {
+            format!("depth {depth:.4} ± {:.1} %", 100.0 * sigma)
+        });
+        let name = &project.cameras[*camera].name;
+        tracing::debug!("[[point]] {}, {name}: {depth}, seen in {} more frames", point + 1, frames.len());
+    }
     let start = graph::chain(project, &picks, surfaces.len())?;
     let merged = refine::refine(&picks, &start, surfaces, options);
     let (merged, report) = foreign_depths::leave_out(&picks, merged, surfaces, options);

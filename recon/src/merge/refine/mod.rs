@@ -27,8 +27,9 @@ use variance::Factors;
 /// Largest number of rounds of minimising and re-estimating the precision of depths and picks.
 const VARIANCE_ROUNDS: usize = 8;
 /// Difference (logarithm) between a depth and the intersection of both cameras' rays beyond which the depth belongs to
-/// another surface.
+/// another surface, and the same in standard deviations of the depth, which is as large as the step beside an edge.
 const DEPTH_MISMATCH: f64 = 0.1;
+const MISMATCH_SIGMAS: f64 = 3.0;
 
 struct Refinement<'a> {
     surfaces: &'a [Surface],
@@ -119,10 +120,10 @@ impl Refinement<'_> {
         let off = norm(self.residual(state, &Term::Pixel(pick))) * self.pick_sigma_px();
         let mut of_point = picks.iter().filter(|p| p.point == pick.point);
         let contradicted = of_point.all(|p| {
-            p.seen.is_some_and(|seen| {
+            p.seen.zip(p.depth).is_some_and(|(seen, (depth, sigma))| {
                 let z = (state.poses[p.camera].inverse() * state.points[p.point].unwrap_or(seen)).z;
-                let log = if z > 0.0 { (z / seen.z).ln() } else { f64::INFINITY };
-                log.abs() > DEPTH_MISMATCH
+                let log = if z > 0.0 { (z / depth).ln() } else { f64::INFINITY };
+                log.abs() > DEPTH_MISMATCH.max(MISMATCH_SIGMAS * sigma)
             })
         });
         if !contradicted {

@@ -6,6 +6,7 @@ mod foreign_depths;
 
 use super::*;
 use crate::project::{KnownLength, PickedPoint, ProjectCamera};
+use crate::ray_depth::RayDepth;
 use box_room::BoxRoom;
 use calib::{Intrinsics, rotation};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -112,6 +113,27 @@ fn a_bad_pick_is_named_and_left_out() {
     assert!(result.points[2].is_none());
     let (shift, turn, _) = errors(&result);
     assert!(shift < 0.02 && turn < 0.6, "{shift} {turn}");
+}
+
+#[test]
+fn depths_that_both_contradict_a_pick_leave_it_out_unless_one_is_uncertain() {
+    let project = project();
+    let left_out = |sigmas: [f64; 2]| {
+        let measured = [0, 1].map(|camera| {
+            let pixel = project.points[3].pixel(camera).unwrap();
+            let depth = 1.2 * surface(camera).point_at(&pixel).unwrap().z;
+            let depth = RayDepth { depth, sigma: sigmas[camera] };
+            vec![MeasuredPixel { pixel, measured: RayMeasurement { depth, seen: Vec::new() } }]
+        });
+        let surfaces = [surface(0), surface(1)];
+        let (_, report) =
+            merge(&project, &surfaces, &[lens(), lens()], &measured, &MergeOptions::default()).unwrap();
+        report.outliers.iter().map(|(point, ..)| *point).collect::<Vec<_>>()
+    };
+    assert_eq!(left_out([0.01, 0.01]), [4]);
+    // Beside an edge a depth is as uncertain as the step there.
+    assert!(left_out([0.2, 0.01]).is_empty());
+    assert!(left_out([0.01, 0.2]).is_empty());
 }
 
 #[test]
