@@ -280,7 +280,7 @@ fn problem<'a>(
         best_views: options.best_views,
         catching_up: options.catching_up,
         color_sigma: options.color_sigma,
-        afar: options.always_afar || maps.is_none(),
+        is_first: maps.is_none(),
         iterations: options.iterations[usize::from(maps.is_some())],
         seed: options.seed.wrapping_add(index as u64),
     }
@@ -328,7 +328,7 @@ fn refine_reference(
         best_views: options.best_views,
         catching_up: options.catching_up,
         color_sigma: options.color_sigma,
-        afar: options.always_afar,
+        is_first: false,
         iterations: options.iterations[2],
         seed: options.seed.wrapping_add(views.len() as u64),
     };

@@ -23,8 +23,6 @@ pub struct DenseOptions {
     pub color_sigma: f32,
     /// Number of halvings of the images for the first round, from random hypotheses: at least one.
     pub halvings: usize,
-    /// Whether hypotheses also come from far regions and at random where a coarser map is available.
-    pub always_afar: bool,
     /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size
     /// (with 0 rounds there, the planes of half size are only compared at full size).
     pub iterations: [usize; 3],
@@ -49,11 +47,10 @@ impl Default for DenseOptions {
             least_shared_view: 0.6,
             largest_parallax_deg: 35.0,
             best_views: 4,
-            catching_up: f32::INFINITY,
+            catching_up: 0.1,
             color_sigma: 10.0,
             halvings: 1,
-            always_afar: true,
-            iterations: [5, 2, 3],
+            iterations: [3, 1, 1],
             least_agreeing: 2,
             agreement_px: 1.0,
             largest_cost: 0.6,
@@ -64,16 +61,14 @@ impl Default for DenseOptions {
 }
 
 impl DenseOptions {
-    /// Options for a first look: the first round at a quarter of the size, fewer key frames, rounds and hypotheses,
-    /// poor ones given up early, and planes found at half size only compared at full size.
+    /// Options for a first look: the first round at a quarter of the size, fewer key frames and views, and planes found at half size
+    /// only compared at full size.
     pub fn draft() -> Self {
         Self {
             key_frames: 5,
             sources: 4,
             best_views: 3,
-            catching_up: 0.1,
             halvings: 2,
-            always_afar: false,
             iterations: [3, 1, 0],
             fuse_key_frames: false,
             ..Self::default()
