@@ -50,7 +50,7 @@ impl Default for DenseOptions {
             catching_up: 0.1,
             color_sigma: 10.0,
             halvings: 1,
-            iterations: [3, 1, 1],
+            iterations: [3, 2, 1],
             least_agreeing: 2,
             agreement_px: 1.0,
             largest_cost: 0.6,
