@@ -113,7 +113,6 @@ pub fn build(
     let mut reference_frames = Vec::with_capacity(done.len());
     for (index, (camera, keys, (reference, depths, lines, boards))) in done.into_iter().enumerate() {
         reference_frames.push(reference);
-        tracing::debug!("{}: depths at picks {depths:?}", camera.name);
         report.cameras.push(camera.processed.report.clone());
         report.seconds.cameras.push(camera.processed.seconds);
         figures.push(camera.processed.report.figures(&camera.processed.lens));
