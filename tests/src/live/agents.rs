@@ -18,8 +18,9 @@ use crate::network_camera::NetworkCamera;
 const EMPTY_S: f64 = 8.0;
 /// Frame of the office, from 0, at which one person is inside, and two come in soon…
 pub const FIRST_FRAME: usize = 130;
-/// …and frames in which all three are inside; they are shown to and fro.
-const INSIDE: std::ops::Range<usize> = 225..265;
+/// …and frames in which both cameras see all three, away from the doors: whether somebody turned round who was hidden, or stood in
+/// a door, one camera alone cannot tell. They are shown to and fro.
+pub const INSIDE: std::ops::Range<usize> = 244..257;
 /// Length of the films, seconds.
 const FILM_S: f64 = 150.0;
 /// Rows in which both stations must agree until they are taken to.
@@ -36,6 +37,8 @@ pub struct StationPair {
     pub network: Proxy,
     /// Addresses of the stations.
     pub addresses: [SocketAddr; 2],
+    /// When the films come to [`INSIDE`].
+    inside: Instant,
     cameras: [NetworkCamera; 2],
     scratch: Scratch,
     starts: usize,
@@ -48,14 +51,17 @@ impl StationPair {
     /// A camera or a process that does not start.
     pub fn start(first_frame: usize) -> StepResult<Self> {
         let pictures = |seconds: f64| (seconds * RATE_HZ) as usize;
-        let coming = first_frame.min(INSIDE.start)..INSIDE.start;
-        let inside = office::to_and_fro(INSIDE).take(pictures(FILM_S));
+        let middle = INSIDE.start + (INSIDE.len() - 1) / 2;
+        let coming = first_frame.min(middle)..middle;
+        let inside_s = EMPTY_S + coming.len() as f64 / RATE_HZ;
+        let inside = office::pendulum(INSIDE).take(pictures(FILM_S));
         let order: Vec<usize> = office::empty(pictures(EMPTY_S)).chain(coming).chain(inside).collect();
-        let (cameras, _) = office::cameras(&order, false, Default::default())?;
+        let (cameras, epoch) = office::cameras(&order, false, Default::default())?;
         let addresses = [free_address()?, free_address()?];
         let network = Proxy::start(addresses[0])?;
         let (scratch, stations) = (Scratch::new()?, [None, None]);
-        let mut pair = Self { stations, network, addresses, cameras, scratch, starts: 0 };
+        let inside = epoch + Duration::from_secs_f64(inside_s);
+        let mut pair = Self { stations, network, addresses, inside, cameras, scratch, starts: 0 };
         pair.begin(0, &[])?;
         pair.begin(1, &[])?;
         Ok(pair)
@@ -133,6 +139,16 @@ impl StationPair {
         }
     }
 
+    /// Waits until the films show everybody where both cameras see them, and both stations agree on the ids, which it returns.
+    ///
+    /// # Errors
+    /// As [`Self::agreement`].
+    pub fn everybody(&mut self) -> StepResult<BTreeSet<u32>> {
+        let inside = self.inside;
+        self.station(0)?.wait_until(inside)?;
+        self.agreement(3)
+    }
+
     /// Lets time pass while the station of a camera must run.
     ///
     /// # Errors
@@ -194,7 +210,7 @@ pub struct RestartResult {
 /// # Errors
 /// A station ends, or does not come to know the people.
 pub fn restart(pair: &mut StationPair, away: Duration) -> StepResult<RestartResult> {
-    let before = pair.agreement(3)?;
+    let before = pair.everybody()?;
     pair.kill(1);
     let killed = Instant::now();
     pair.pass(0, away)?;

@@ -1,9 +1,11 @@
 //! The office as films of network cameras, and its truth at any time.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nalgebra::Point2;
 
@@ -30,9 +32,27 @@ pub fn empty(pictures: usize) -> impl Iterator<Item = usize> {
 }
 
 /// A range of frames to and fro, without end.
-pub fn to_and_fro(frames: std::ops::Range<usize>) -> impl Iterator<Item = usize> {
+pub fn to_and_fro(frames: Range<usize>) -> impl Iterator<Item = usize> {
     let (first, last) = (frames.start, frames.end - 1);
     frames.chain((first + 1..last).rev()).cycle()
+}
+
+/// A range of frames to and fro without end, from its middle on, slower towards its ends: people stop before they turn round. In
+/// the middle they are as fast as in the film.
+pub fn pendulum(frames: Range<usize>) -> impl Iterator<Item = usize> {
+    let half = half_of(&frames);
+    (0..)
+        .map(move |picture| frames.start + (half + half * (f64::from(picture) / half).sin()).round() as usize)
+}
+
+/// Time that [`pendulum`] takes to and fro.
+pub fn pendulum_period(frames: Range<usize>) -> Duration {
+    Duration::from_secs_f64(TAU * half_of(&frames) / RATE_HZ)
+}
+
+/// Half the number of frames between the first and the last.
+fn half_of(frames: &Range<usize>) -> f64 {
+    0.5 * frames.len().saturating_sub(1) as f64
 }
 
 /// Frames of the empty room for `empty_s` seconds, then the film again and again, `pictures` in all.
@@ -224,6 +244,17 @@ mod tests {
         assert!((between - (before + 0.25 * (after - before))).norm() < 1e-9);
         assert_eq!((truth.at(-0.01), truth.at(25.0)), (None, None));
         assert_eq!(truth.at(0.0).unwrap().len(), 0);
+    }
+
+    #[test]
+    fn a_pendulum_starts_in_the_middle_turns_slowly_and_is_never_faster_than_the_film() {
+        let period = (pendulum_period(3..10).as_secs_f64() * RATE_HZ).round() as usize;
+        let frames: Vec<usize> = pendulum(3..10).take(2 * period).collect();
+        assert_eq!((frames[0], frames[1], period), (6, 7, 19));
+        assert!(frames.windows(2).all(|pair| pair[0].abs_diff(pair[1]) <= 1));
+        for end in [3, 9] {
+            assert!(frames.windows(3).any(|three| three.iter().all(|frame| *frame == end)), "{frames:?}");
+        }
     }
 
     #[test]
