@@ -129,13 +129,7 @@ pub fn merge(
     options: &MergeOptions,
 ) -> Result<(Merged, MergeReport)> {
     let picks = lift(project, surfaces, lenses, measured, options)?;
-    for LiftedPick { point, camera, depth, frames, .. } in &picks {
-        let depth = depth.map_or("no depth".to_owned(), |(depth, sigma)| {
-            format!("depth {depth:.4} ± {:.1} %", 100.0 * sigma)
-        });
-        let name = &project.cameras[*camera].name;
-        tracing::debug!("[[point]] {}, {name}: {depth}, seen in {} more frames", point + 1, frames.len());
-    }
+    tell_depths(project, &picks);
     let start = graph::chain(project, &picks, surfaces.len())?;
     let merged = refine::refine(&picks, &start, surfaces, options);
     let (merged, report) = foreign_depths::leave_out(&picks, merged, surfaces, options);
@@ -250,8 +244,8 @@ pub(crate) fn pairs(cameras: usize) -> impl Iterator<Item = [usize; 2]> {
 }
 
 /// Tells whether further constraints spoil the fit of the picks: root mean square distances with them and without them,
-/// pixels. Three or four picks can all be fitted to a tenth of a pixel by cameras that stand wrong; a misfit as large as the
-/// noise of a pick in both coordinates contradicts nothing.
+/// pixels. A few picks can be fitted to a tenth of a pixel by cameras that stand wrong, so the fit without them is no measure
+/// below the noise of a pick: `√2 pick_sigma_px` for both of its coordinates.
 fn spoils(with_px: f64, without_px: f64, pick_sigma_px: f64) -> bool {
     with_px > (1.5 * without_px + 0.5).max(std::f64::consts::SQRT_2 * pick_sigma_px)
 }
@@ -297,6 +291,17 @@ fn lift(
         }
     }
     Ok(picks)
+}
+
+/// Writes the depth at each pick to the log, in units of its camera, with its relative standard deviation.
+fn tell_depths(project: &Project, picks: &[LiftedPick]) {
+    for LiftedPick { point, camera, depth, frames, .. } in picks {
+        let name = &project.cameras[*camera].name;
+        let depth = depth.map_or("no depth".to_owned(), |(depth, sigma)| {
+            format!("depth {depth:.4} ± {:.1} %", 100.0 * sigma)
+        });
+        tracing::debug!("[[point]] {}, {name}: {depth}, seen in {} more frames", point + 1, frames.len());
+    }
 }
 
 /// Measured depth at exactly this pixel (as filmed).

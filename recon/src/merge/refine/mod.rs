@@ -27,8 +27,9 @@ use variance::Factors;
 /// Largest number of rounds of minimising and re-estimating the precision of depths and picks.
 const VARIANCE_ROUNDS: usize = 8;
 /// Difference (logarithm) between a depth and the intersection of both cameras' rays beyond which the depth belongs to
-/// another surface, and the same in standard deviations of the depth, which is as large as the step beside an edge.
+/// another surface …
 const DEPTH_MISMATCH: f64 = 0.1;
+/// … if it is also that many standard deviations of the depth, which beside an edge is as uncertain as the step there.
 const MISMATCH_SIGMAS: f64 = 3.0;
 
 struct Refinement<'a> {

@@ -205,8 +205,8 @@ fn picks_without_depth_still_count_by_where_their_rays_meet() {
     assert!(report.outliers.iter().any(|(point, ..)| *point == 2), "{report:?}");
 }
 
-/// Right cameras put the point of a pick halfway between its two epipolar lines, and both pixels are off by half their distance.
-/// Five picks were fitted to a tenth of their noise without them.
+/// Where the cameras are right, two rays of a pick pass each other by the difference of two errors, and its point lies in the middle:
+/// each pixel is off by half of that. Without further constraints the five picks were fitted to a tenth of their noise.
 #[test]
 fn right_cameras_do_not_spoil_a_fit_that_is_too_good() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
