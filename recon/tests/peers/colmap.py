@@ -59,6 +59,7 @@ def colmap(images, matrix, seed, matching):
     """-> (R, t) of each image in name order, None where COLMAP placed none"""
     import pycolmap  # Here: each reconstruction has a process of its own, whose time is taken.
 
+    pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value  # It tells every image.
     (fx, _, cx), (_, fy, cy) = matrix[0], matrix[1]
     pycolmap.set_random_seed(seed)
     with tempfile.TemporaryDirectory() as scratch:
