@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::Result;
 use crate::geometry::Geometry;
 use crate::raycast::RayScene;
-use crate::view::{exposure, first_seen, surrounded};
+use crate::view::{exposure, first_normal, first_seen, surrounded};
 use shell::canvas::Color;
 
 /// Rays along each side of a pixel.
@@ -52,7 +52,7 @@ impl Raster {
 }
 
 /// Topmost surface hit by a ray from above.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Top {
     color: Vec3,
     height_m: f32,
@@ -79,16 +79,7 @@ fn render(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, pa
         let color = (seen.color * (gain * shade)).min(Vec3::splat(255.0)).lerp(paper, PALENESS);
         Some(Top { color, height_m: cut_m - seen.distance })
     };
-    let offset = |i: u32| (i as f32 + 0.5) / SAMPLES as f32 - 0.5;
-    let mut tops: Vec<[Option<Top>; RAYS]> = raster
-        .pixels()
-        .map(|(column, row)| {
-            std::array::from_fn(|i| {
-                let (right, down) = (offset(i as u32 % SAMPLES), offset(i as u32 / SAMPLES));
-                look_down(raster.place(column + right, row + down))
-            })
-        })
-        .collect();
+    let mut tops = tops(raster, &look_down);
     let bare: Vec<bool> = tops.iter().map(|tops| tops.iter().all(Option::is_none)).collect();
     let solid = solid(geometry, scene, raster, cut_m, &bare);
     if matches!(geometry, Geometry::Discs(_)) {
@@ -110,6 +101,38 @@ fn render(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, pa
         color.lerp(CUT, walls[i])
     };
     (0..tops.len()).into_par_iter().map(pixel).collect()
+}
+
+/// Surfaces that the rays of each pixel meet: one ray where it meets what those of the neighbours do, all of them at edges.
+fn tops(raster: &Raster, look_down: &(impl Fn(Vec2) -> Option<Top> + Sync)) -> Vec<[Option<Top>; RAYS]> {
+    let offset = |i: usize| (i as f32 + 0.5) / SAMPLES as f32 - 0.5;
+    let ray = |(column, row): (f32, f32), i: usize| {
+        look_down(raster.place(column + offset(i % SAMPLES as usize), row + offset(i / SAMPLES as usize)))
+    };
+    let first: Vec<Option<Top>> = raster.pixels().map(|pixel| ray(pixel, 0)).collect();
+    let all = |(pixel, here): ((f32, f32), &Option<Top>)| {
+        let beside = |(right, down): (i64, i64)| raster.index(pixel.0 as i64 + right, pixel.1 as i64 + down);
+        let around = [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(beside);
+        if around.into_iter().all(|i| is_alike(here.as_ref(), first[i].as_ref())) {
+            return [*here; RAYS];
+        }
+        std::array::from_fn(|i| if i == 0 { *here } else { ray(pixel, i) })
+    };
+    raster.pixels().zip(&first).map(all).collect()
+}
+
+/// Tells whether two neighbouring rays meet one even surface, or nothing.
+fn is_alike(a: Option<&Top>, b: Option<&Top>) -> bool {
+    /// Largest differences in height, metres, and in a colour's channels.
+    const STEP_M: f32 = 0.02;
+    const SHADES: f32 = 12.0;
+    match (a, b) {
+        (Some(a), Some(b)) => {
+            (a.height_m - b.height_m).abs() <= STEP_M && (a.color - b.color).abs().max_element() <= SHADES
+        }
+        (None, None) => true,
+        _ => false,
+    }
 }
 
 /// Fills the small gaps between discs with the colours around them.
@@ -146,8 +169,8 @@ fn solid(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, bar
         Geometry::Discs(_) => (WIDEST_OF_DISCS_M, &[1.0, 0.9, 0.8, 0.7, 0.6], 12),
     };
     let is_back = |from: Vec3, direction: Vec3| {
-        let seen = first_seen(geometry, scene, from, direction, |_, _| true);
-        seen.is_some_and(|seen| seen.normal.dot(direction) > 0.0 && seen.distance < widest)
+        let normal = first_normal(geometry, scene, from, direction, widest);
+        normal.is_some_and(|normal| normal.dot(direction) > 0.0)
     };
     let is_mesh = matches!(geometry, Geometry::Mesh(_));
     let solid: Vec<bool> = raster
@@ -245,4 +268,51 @@ fn box_filter(line: &mut [f32], reach: usize) {
 
 fn transposed(values: &[f32], width: usize, height: usize) -> Vec<f32> {
     (0..width * height).map(|i| values[i % height * width + i / height]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    /// A floor that ends at 0.9 m, whose colour changes over a metre, and a round table on it.
+    fn room(place: Vec2) -> Option<Top> {
+        let light = Vec3::splat(90.0 + 80.0 * place.x);
+        let (is_table, is_floor) = (place.distance(Vec2::splat(0.5)) < 0.23, place.y < 0.9);
+        let table = Top { color: Vec3::new(40.0, 120.0, 200.0), height_m: 0.7 };
+        is_table.then_some(table).or_else(|| is_floor.then_some(Top { color: light, height_m: 0.0 }))
+    }
+
+    /// Number of a pixel's rays that hit something, their mean colour and height.
+    fn seen(tops: &[Option<Top>; RAYS]) -> (usize, Vec3, f32) {
+        let hit: Vec<&Top> = tops.iter().flatten().collect();
+        let share = 1.0 / hit.len().max(1) as f32;
+        let color = hit.iter().map(|top| top.color * share).sum();
+        (hit.len(), color, hit.iter().map(|top| top.height_m * share).sum())
+    }
+
+    #[test]
+    fn few_rays_show_what_all_rays_do() {
+        let raster = Raster { width: 100, height: 110, origin: Vec2::new(0.0, 1.05), pixel_m: 0.01 };
+        let rays = AtomicUsize::new(0);
+        let counted = |place: Vec2| {
+            rays.fetch_add(1, Ordering::Relaxed);
+            room(place)
+        };
+        let few = tops(&raster, &counted);
+        // All rays of each pixel, by their places alone.
+        let all = raster.pixels().map(|(column, row)| {
+            [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)]
+                .map(|(right, down)| room(Vec2::new(0.01 * (column + right), 1.05 - 0.01 * (row + down))))
+        });
+        let all: Vec<[Option<Top>; RAYS]> = all.collect();
+        for (i, (few, all)) in few.iter().zip(&all).enumerate() {
+            let ((hits, color, height_m), (all_hits, true_color, true_height_m)) = (seen(few), seen(all));
+            let off = (color - true_color).abs().max_element();
+            let is_same = hits == all_hits && off < 1.0 && (height_m - true_height_m).abs() < 1e-6;
+            assert!(is_same, "pixel {i}: {few:?} {all:?}");
+        }
+        assert!(2 * rays.into_inner() < RAYS * few.len());
+    }
 }

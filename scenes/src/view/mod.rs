@@ -24,7 +24,7 @@ use shell::canvas::Color;
 pub(crate) use gaps::surrounded;
 pub use ray_image::RayImage;
 pub use surface::exposure;
-pub(crate) use surface::first_seen;
+pub(crate) use surface::{first_normal, first_seen};
 pub use viewpoint::{birds_eye, extent, look_at};
 
 /// Options of a rendered view.

@@ -68,6 +68,18 @@ pub(crate) fn first_seen(
     None
 }
 
+/// Normal, as stored in the geometry, of the first surface along a unit direction, if it is no farther than `farthest` metres.
+pub(crate) fn first_normal(
+    geometry: &Geometry,
+    scene: &RayScene,
+    origin: Vec3,
+    direction: Vec3,
+    farthest: f32,
+) -> Option<Vec3> {
+    let hit = scene.cast_within(origin, direction, farthest)?;
+    Some(surface(geometry, hit.primitive, origin + direction * hit.distance).0)
+}
+
 /// Colour of overlapping discs from the first hit on, each weighted by the ray's distance from its middle.
 fn mixed(discs: &[Disc], scene: &RayScene, (origin, direction): (Vec3, Vec3), first: (u32, f32)) -> Vec3 {
     let limit = first.1 + SAME_SURFACE_M + SAME_SURFACE_SHARE * first.1;
