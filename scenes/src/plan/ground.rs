@@ -103,32 +103,34 @@ fn render(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, pa
     (0..tops.len()).into_par_iter().map(pixel).collect()
 }
 
-/// Surfaces that the rays of each pixel meet: one ray where it meets what those of the neighbours do, all of them at edges.
+/// Topmost surfaces of the rays of each pixel. Where a pixel's first ray hits the same even surface as the first rays of its
+/// neighbours, its other rays are not cast and have the first one's surface; at edges all rays are cast.
 fn tops(raster: &Raster, look_down: &(impl Fn(Vec2) -> Option<Top> + Sync)) -> Vec<[Option<Top>; RAYS]> {
     let offset = |i: usize| (i as f32 + 0.5) / SAMPLES as f32 - 0.5;
     let ray = |(column, row): (f32, f32), i: usize| {
         look_down(raster.place(column + offset(i % SAMPLES as usize), row + offset(i / SAMPLES as usize)))
     };
     let first: Vec<Option<Top>> = raster.pixels().map(|pixel| ray(pixel, 0)).collect();
-    let all = |(pixel, here): ((f32, f32), &Option<Top>)| {
+    let of_pixel = |(pixel, here): ((f32, f32), &Option<Top>)| {
         let beside = |(right, down): (i64, i64)| raster.index(pixel.0 as i64 + right, pixel.1 as i64 + down);
-        let around = [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(beside);
-        if around.into_iter().all(|i| is_alike(here.as_ref(), first[i].as_ref())) {
+        let mut around = [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(beside);
+        if around.all(|i| is_alike(here.as_ref(), first[i].as_ref())) {
             return [*here; RAYS];
         }
         std::array::from_fn(|i| if i == 0 { *here } else { ray(pixel, i) })
     };
-    raster.pixels().zip(&first).map(all).collect()
+    raster.pixels().zip(&first).map(of_pixel).collect()
 }
 
-/// Tells whether two neighbouring rays meet one even surface, or nothing.
+/// Tells whether two neighbouring rays hit one even surface, or both hit nothing.
 fn is_alike(a: Option<&Top>, b: Option<&Top>) -> bool {
-    /// Largest differences in height, metres, and in a colour's channels.
-    const STEP_M: f32 = 0.02;
-    const SHADES: f32 = 12.0;
+    /// Largest difference in height on an even surface, metres, and in each channel of its colour, 0 to 255.
+    const HEIGHT_STEP_M: f32 = 0.02;
+    const COLOR_STEP: f32 = 12.0;
     match (a, b) {
         (Some(a), Some(b)) => {
-            (a.height_m - b.height_m).abs() <= STEP_M && (a.color - b.color).abs().max_element() <= SHADES
+            (a.height_m - b.height_m).abs() <= HEIGHT_STEP_M
+                && (a.color - b.color).abs().max_element() <= COLOR_STEP
         }
         (None, None) => true,
         _ => false,

@@ -18,8 +18,8 @@ use crate::network_camera::NetworkCamera;
 const EMPTY_S: f64 = 8.0;
 /// Frame of the office, from 0, at which one person is inside, and two come in soon…
 pub const FIRST_FRAME: usize = 130;
-/// …and frames in which both cameras see all three, away from the doors: whether somebody turned round who was hidden, or stood in
-/// a door, one camera alone cannot tell. They are shown to and fro.
+/// …and frames in which both cameras see all three people, away from the doors. The films show them to and fro. One camera alone
+/// cannot tell whether a hidden person turned round, or whether a person in a door left.
 pub const INSIDE: std::ops::Range<usize> = 244..257;
 /// Length of the films, seconds.
 const FILM_S: f64 = 150.0;
@@ -37,7 +37,7 @@ pub struct StationPair {
     pub network: Proxy,
     /// Addresses of the stations.
     pub addresses: [SocketAddr; 2],
-    /// When the films come to [`INSIDE`].
+    /// Time at which both films reach the frames [`INSIDE`].
     inside: Instant,
     cameras: [NetworkCamera; 2],
     scratch: Scratch,
@@ -139,11 +139,11 @@ impl StationPair {
         }
     }
 
-    /// Waits until the films show everybody where both cameras see them, and both stations agree on the ids, which it returns.
+    /// Waits until both cameras film all three people ([`INSIDE`]) and both stations agree on them; returns their ids.
     ///
     /// # Errors
     /// As [`Self::agreement`].
-    pub fn everybody(&mut self) -> StepResult<BTreeSet<u32>> {
+    pub fn agreement_on_all(&mut self) -> StepResult<BTreeSet<u32>> {
         let inside = self.inside;
         self.station(0)?.wait_until(inside)?;
         self.agreement(3)
@@ -210,7 +210,7 @@ pub struct RestartResult {
 /// # Errors
 /// A station ends, or does not come to know the people.
 pub fn restart(pair: &mut StationPair, away: Duration) -> StepResult<RestartResult> {
-    let before = pair.everybody()?;
+    let before = pair.agreement_on_all()?;
     pair.kill(1);
     let killed = Instant::now();
     pair.pass(0, away)?;

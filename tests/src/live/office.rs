@@ -37,15 +37,15 @@ pub fn to_and_fro(frames: Range<usize>) -> impl Iterator<Item = usize> {
     frames.chain((first + 1..last).rev()).cycle()
 }
 
-/// A range of frames to and fro without end, from its middle on, slower towards its ends: people stop before they turn round. In
-/// the middle they are as fast as in the film.
+/// A range of frames to and fro, without end, as a pendulum swings: it starts in the middle, at the film's speed, and is slower
+/// towards both ends, because people stop before they turn round.
 pub fn pendulum(frames: Range<usize>) -> impl Iterator<Item = usize> {
     let half = half_of(&frames);
     (0..)
         .map(move |picture| frames.start + (half + half * (f64::from(picture) / half).sin()).round() as usize)
 }
 
-/// Time that [`pendulum`] takes to and fro.
+/// Period of [`pendulum`]: time until the same frame comes again in the same direction.
 pub fn pendulum_period(frames: Range<usize>) -> Duration {
     Duration::from_secs_f64(TAU * half_of(&frames) / RATE_HZ)
 }
@@ -255,6 +255,7 @@ mod tests {
         for end in [3, 9] {
             assert!(frames.windows(3).any(|three| three.iter().all(|frame| *frame == end)), "{frames:?}");
         }
+        assert_eq!(pendulum(5..6).take(3).collect::<Vec<_>>(), [5; 3]);
     }
 
     #[test]

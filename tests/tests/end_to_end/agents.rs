@@ -38,7 +38,7 @@ fn a_killed_and_a_stalled_station_come_back_and_the_other_keeps_its_ids() {
     assert!(found.meanwhile.len() > 10 && found.back_s < 5.0, "{found:?}");
     assert_kept(&found.meanwhile, &found.before);
 
-    // It stands still for 5 s with its connections open, when it has seen everybody walk to and fro since it came back.
+    // The restarted station films everybody to and fro once; then it stands still for 5 s with its connections open.
     pair.pass(1, pendulum_period(INSIDE)).unwrap();
     assert_eq!(pair.agreement(3).unwrap(), found.before);
     let stalled = Instant::now();
@@ -83,7 +83,7 @@ fn stranger(addresses: &[SocketAddr]) -> Session {
 #[test]
 fn nonsense_is_told_once_and_wrong_clocks_are_corrected_or_left_out() {
     let mut pair = StationPair::start(FIRST_FRAME).unwrap();
-    let people = pair.everybody().unwrap();
+    let people = pair.agreement_on_all().unwrap();
     let hostile = stranger(&pair.addresses);
     let key = format!("roomtrack/1/{}/agents/cam1", Fingerprint::of(&Room::read(&office::room()).unwrap()));
     let overheard = hostile.declare_subscriber(&key).wait().unwrap();

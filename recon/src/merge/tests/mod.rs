@@ -205,8 +205,9 @@ fn picks_without_depth_still_count_by_where_their_rays_meet() {
     assert!(report.outliers.iter().any(|(point, ..)| *point == 2), "{report:?}");
 }
 
-/// Where the cameras are right, two rays of a pick pass each other by the difference of two errors, and its point lies in the middle:
-/// each pixel is off by half of that. Without further constraints the five picks were fitted to a tenth of their noise.
+/// Residuals of correct cameras: the rays of one pick's two pixels miss each other by the difference of both pixels' errors. The point
+/// lies in the middle, so each residual is half of that difference. The fit without further constraints is too good: five picks have
+/// residuals of a tenth of their noise.
 #[test]
 fn right_cameras_do_not_spoil_a_fit_that_is_too_good() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
