@@ -277,6 +277,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
+    use crate::geometry::Disc;
 
     /// A floor that ends at 0.9 m, whose colour changes over a metre, and a round table on it.
     fn room(place: Vec2) -> Option<Top> {
@@ -316,5 +317,40 @@ mod tests {
             assert!(is_same, "pixel {i}: {few:?} {all:?}");
         }
         assert!(2 * rays.into_inner() < RAYS * few.len());
+    }
+
+    /// Discs on the four sides of a square shaft from the floor to 2 m, seen from outside.
+    fn shaft(side_m: f32) -> Geometry {
+        let steps = (side_m / 0.04) as i32;
+        let mut discs = Vec::new();
+        for (normal, along) in
+            [(Vec3::X, Vec3::Y), (Vec3::NEG_X, Vec3::Y), (Vec3::Y, Vec3::X), (Vec3::NEG_Y, Vec3::X)]
+        {
+            for (step, level) in (0..=steps).flat_map(|step| (0..=50).map(move |level| (step, level))) {
+                let aside = side_m * (step as f32 / steps as f32 - 0.5);
+                let center = 0.5 * side_m * normal + aside * along + 0.04 * level as f32 * Vec3::Z;
+                discs.push(Disc {
+                    center,
+                    normal,
+                    radius: 0.04,
+                    color: [120; 3],
+                    filled: false,
+                    confidence: 2.0,
+                });
+            }
+        }
+        Geometry::Discs(discs)
+    }
+
+    #[test]
+    fn a_pillar_of_discs_is_solid_and_a_house_is_not() {
+        let raster = Raster { width: 100, height: 100, origin: Vec2::new(-2.5, 2.5), pixel_m: 0.05 };
+        let bare = vec![true; 100 * 100];
+        for (side_m, is_solid) in [(0.3, true), (0.6, true), (1.8, false)] {
+            let geometry = shaft(side_m);
+            let scene = RayScene::new(&geometry).unwrap();
+            let solid = solid(&geometry, &scene, &raster, 1.9, &bare);
+            assert_eq!((solid[50 * 100 + 50], solid[0]), (is_solid, false), "{side_m} m");
+        }
     }
 }
