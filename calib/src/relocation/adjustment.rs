@@ -24,8 +24,20 @@ const LOSS: Loss = Loss::Cauchy(2.0);
 /// Weighted residual beyond which a sighting has no part, first and last.
 const REACH_SIGMAS: [f64; 2] = [4.0 * AGREES_SIGMAS, 2.0 * AGREES_SIGMAS];
 
-/// Factors of the depths' uncertainty that are tried.
-const DEPTH_FACTORS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
+/// Factors of the sightings' uncertainty among which the likeliest are chosen, ascending.
+pub(super) struct UncertaintyFactors {
+    /// Of [`Sighting::pixel_sigma_px`].
+    pub(super) pixel: &'static [f64],
+    /// Of [`Sighting::depth_step`].
+    pub(super) depth: &'static [f64],
+}
+
+/// Factors for matched keypoints, whose pixels are as precise in one picture as in another.
+pub(super) const OF_KEYPOINTS: UncertaintyFactors =
+    UncertaintyFactors { pixel: &[1.0], depth: &[0.5, 1.0, 2.0, 4.0, 8.0] };
+/// Factors for registered corners: how precise they are depends on the noise and the sharpness of both pictures.
+pub(super) const OF_CORNERS: UncertaintyFactors =
+    UncertaintyFactors { pixel: &[0.25, 0.5, 1.0, 2.0, 4.0], depth: &[0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0] };
 
 /// Weighted reprojection of sightings.
 struct WeightedReprojection<'a> {
@@ -96,22 +108,27 @@ pub(super) fn adjusted(
     pose
 }
 
-/// The adjusted pose, and the sightings with the uncertainty of their depths by which their residuals are most likely:
-/// how good a room's surfaces are differs from room to room.
-pub(super) fn adjusted_with_depths(
+/// The adjusted pose, and the sightings with the uncertainty of their pixels and depths by which their residuals are most
+/// likely: how good a room's surfaces are differs from room to room, how sharp a picture is from picture to picture.
+pub(super) fn adjusted_with_uncertainties(
     intrinsics: &Intrinsics,
     sightings: &[Sighting],
     start: &Isometry3<f64>,
+    factors: &UncertaintyFactors,
 ) -> (Isometry3<f64>, Vec<Sighting>) {
+    let widest = |factors: &[f64]| factors.last().copied().unwrap_or(1.0);
+    let (widest_pixel, widest_depth) = (widest(factors.pixel), widest(factors.depth));
     let near: Vec<Sighting> = {
-        let widest = |s: &&Sighting| {
-            let wide = s.with_depth_uncertainty(DEPTH_FACTORS[DEPTH_FACTORS.len() - 1]);
+        let is_near = |s: &&Sighting| {
+            let wide = s.with_uncertainty(widest_pixel, widest_depth);
             wide.squared(intrinsics, start) < REACH_SIGMAS[1] * REACH_SIGMAS[1]
         };
-        sightings.iter().filter(widest).copied().collect()
+        sightings.iter().filter(is_near).copied().collect()
     };
-    let tried = DEPTH_FACTORS.map(|factor| {
-        let scaled: Vec<Sighting> = near.iter().map(|s| s.with_depth_uncertainty(factor)).collect();
+    let pairs =
+        factors.pixel.iter().flat_map(|pixel| factors.depth.iter().map(move |depth| (*pixel, *depth)));
+    let tried = pairs.map(|(pixel, depth)| {
+        let scaled: Vec<Sighting> = near.iter().map(|s| s.with_uncertainty(pixel, depth)).collect();
         let pose = adjusted(intrinsics, &scaled, start);
         let unlikeliness = |s: &Sighting| {
             let squared = s.squared(intrinsics, &pose).min(1e6);
@@ -119,8 +136,8 @@ pub(super) fn adjusted_with_depths(
         };
         (scaled.iter().map(unlikeliness).sum::<f64>(), pose, scaled)
     });
-    // There is at least one factor, and the start for a sum that is no number.
-    let best = tried.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    // The start is for a sum that is no number.
+    let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     best.map_or_else(|| (*start, near), |(_, pose, scaled)| (pose, scaled))
 }
 

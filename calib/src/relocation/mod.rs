@@ -243,7 +243,7 @@ pub fn cell(pixel: &Point2<f64>, (width, height): (u32, u32)) -> u32 {
 }
 
 /// Pose of least weighted residuals near `start`, and the median distance of what it was estimated from; for sightings that
-/// are more precise than keypoints. Its uncertainty holds errors of depth that the sightings of a cell share, but not those
+/// are more precise than keypoints, by an amount that is estimated with the pose. Its uncertainty holds errors of depth that the sightings of a cell share, but not those
 /// that several cells share: where both halves of a picture are wrong by some percent each, it is several times too small.
 /// `matches` is the number of landmarks that were recognised.
 ///
@@ -256,7 +256,8 @@ pub fn refined(
     start: &Isometry3<f64>,
     matches: usize,
 ) -> std::result::Result<(Relocation, f64), Doubt> {
-    let (pose, weighted) = adjustment::adjusted_with_depths(intrinsics, sightings, start);
+    let factors = &adjustment::OF_CORNERS;
+    let (pose, weighted) = adjustment::adjusted_with_uncertainties(intrinsics, sightings, start, factors);
     let (found, distance_m) = adjustment::judged(intrinsics, &weighted, &pose, matches)?;
     let (sigma_m, sigma_deg) = adjustment::left_out_sigmas(intrinsics, &weighted, &pose);
     let sigmas = (found.sigma_m.max(sigma_m), found.sigma_deg.max(sigma_deg));
@@ -308,7 +309,9 @@ pub fn recognise(
         })
         .map(sighting)
         .collect();
-    let (camera_from_world, sightings) = adjustment::adjusted_with_depths(intrinsics, &by_place, &rough);
+    let factors = &adjustment::OF_KEYPOINTS;
+    let (camera_from_world, sightings) =
+        adjustment::adjusted_with_uncertainties(intrinsics, &by_place, &rough, factors);
     let agreeing = adjustment::agreeing(intrinsics, &sightings, &camera_from_world);
     if agreeing < LEAST_AGREEING {
         return Ok(Err(Doubt::Unrecognised { agreeing, matches }));

@@ -56,9 +56,9 @@ impl Sighting {
         -2.0 * self.whitening(intrinsics, camera_from_world).determinant().abs().max(f64::MIN_POSITIVE).ln()
     }
 
-    /// The sighting, its depth uncertain by `factor` times as much.
-    pub(super) fn with_depth_uncertainty(&self, factor: f64) -> Self {
-        Self { depth_step: self.depth_step * factor, ..*self }
+    /// The sighting, its pixel and its depth uncertain by `pixel` and `depth` times as much.
+    pub(super) fn with_uncertainty(&self, pixel: f64, depth: f64) -> Self {
+        Self { pixel_sigma_px: self.pixel_sigma_px * pixel, depth_step: self.depth_step * depth, ..*self }
     }
 
     /// Squared residual in standard deviations; infinite behind the camera.

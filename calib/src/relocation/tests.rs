@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point2, Point3, Rotation3, Vector3};
 use rand_free::Noise;
 
-use super::{Doubt, KEYPOINT_SIGMA_PX, Relocation, Sighting, adjustment, consensus};
+use super::{Doubt, KEYPOINT_SIGMA_PX, Relocation, Sighting, adjustment, consensus, refined};
 use crate::Intrinsics;
 
 /// Normally distributed numbers in a fixed order, without a dependency.
@@ -38,9 +38,9 @@ fn pose(seed: u64) -> Isometry3<f64> {
     Isometry3::from_parts((shift * 0.2).into(), turn.into())
 }
 
-/// Sightings of points 2 to 6 m before a reference camera at the world's origin; the depths are wrong by `depth_error` of
-/// themselves, and of every ten, `wrong` are of other things.
-fn sightings(seed: u64, count: usize, depth_error: f64, wrong: usize) -> Vec<Sighting> {
+/// Sightings of points 2 to 6 m before a reference camera at the world's origin; the pixels are wrong by `noise_px`, the depths by
+/// `depth_error` of themselves, and of every ten, `wrong` are of other things.
+fn sightings_by(seed: u64, count: usize, noise_px: f64, depth_error: f64, wrong: usize) -> Vec<Sighting> {
     let (lens, pose, mut noise) = (lens(), pose(seed), Noise(seed));
     let mut seen = Vec::new();
     while seen.len() < count {
@@ -49,7 +49,7 @@ fn sightings(seed: u64, count: usize, depth_error: f64, wrong: usize) -> Vec<Sig
         let z_m = 2.0 + 4.0 * noise.uniform();
         let Some(pixel) = lens.project(&(pose * Point3::from(ray * z_m))) else { continue };
         let is_wrong = seen.len() % 10 < wrong;
-        let off = Vector3::new(noise.normal(), noise.normal(), 0.0) * if is_wrong { 60.0 } else { 0.4 };
+        let off = Vector3::new(noise.normal(), noise.normal(), 0.0) * if is_wrong { 60.0 } else { noise_px };
         let told_m = z_m * (1.0 + depth_error * noise.normal());
         seen.push(Sighting {
             world: Point3::from(ray * told_m),
@@ -62,12 +62,18 @@ fn sightings(seed: u64, count: usize, depth_error: f64, wrong: usize) -> Vec<Sig
     seen
 }
 
+/// Sightings of keypoints.
+fn sightings(seed: u64, count: usize, depth_error: f64, wrong: usize) -> Vec<Sighting> {
+    sightings_by(seed, count, 0.4, depth_error, wrong)
+}
+
 fn found(seen: &[Sighting]) -> Result<Relocation, Doubt> {
     let lens = lens();
     let Some(start) = consensus::pose(&lens, seen) else {
         return Err(Doubt::Unrecognised { agreeing: 0, matches: seen.len() });
     };
-    let (adjusted, weighted) = adjustment::adjusted_with_depths(&lens, seen, &start);
+    let factors = &adjustment::OF_KEYPOINTS;
+    let (adjusted, weighted) = adjustment::adjusted_with_uncertainties(&lens, seen, &start, factors);
     let (found, distance_m) = adjustment::judged(&lens, &weighted, &adjusted, seen.len())?;
     found.certain(distance_m)
 }
@@ -95,6 +101,30 @@ fn the_pose_is_found_among_wrong_matches_with_an_honest_uncertainty() {
             assert!((0.3..1.8).contains(&ratio), "{depth_error} {wrong}: {ratio}");
         }
     }
+}
+
+#[test]
+fn the_precision_of_corners_is_estimated_and_used() {
+    let mut errors_m = Vec::new();
+    for noise_px in [0.05, 0.3] {
+        let (mut squared_m, mut squared, seeds) = (0.0, [0.0; 2], 12);
+        for seed in 0..seeds {
+            let corners: Vec<Sighting> = sightings_by(seed, 400, noise_px, 0.02, 2)
+                .into_iter()
+                .map(|s| Sighting { pixel_sigma_px: 0.2, ..s })
+                .collect();
+            let (found, _) = refined(&lens(), &corners, &pose(seed), 400).unwrap();
+            let (off_m, off_deg) = error(seed, &found);
+            squared_m += off_m.powi(2) / seeds as f64;
+            squared[0] += (off_m / found.sigma_m).powi(2) / seeds as f64;
+            squared[1] += (off_deg / found.sigma_deg).powi(2) / seeds as f64;
+        }
+        for ratio in squared.map(f64::sqrt) {
+            assert!((0.3..1.8).contains(&ratio), "{noise_px} px: {ratio}");
+        }
+        errors_m.push(squared_m.sqrt());
+    }
+    assert!(errors_m[0] < 0.5 * errors_m[1], "{errors_m:?}");
 }
 
 #[test]

@@ -25,9 +25,9 @@ const RADIUS_PX: i32 = 8;
 const LEAST_CORRELATION: f64 = 0.85;
 /// Largest distance from the corner of a registration back into the reference picture, pixels.
 const MOST_RETURN_PX: f64 = 0.7;
-/// Standard deviation of a registered corner's pixel: of its patch, whose surface is no plane, rather than of the
-/// registration.
-const PIXEL_SIGMA_PX: f64 = 0.3;
+/// Standard deviation of a registered corner's pixel in a picture of middling sharpness; [`relocation::refined`] estimates that of
+/// the picture at hand.
+const PIXEL_SIGMA_PX: f64 = 0.2;
 /// Factors of the depth that registration begins from, the likeliest first: surfaces are wrong by some percent.
 const DEPTH_FACTORS: [f64; 5] = [1.0, 0.94, 1.06, 0.85, 1.18];
 /// Least distance between two beginnings, pixels: registration reaches that far by itself.
