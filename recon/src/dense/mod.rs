@@ -1,8 +1,8 @@
 //! Dense multi-view stereo: a depth and a normal for the reference image's pixels, where they can be estimated.
 //!
 //! The reference view and a few key frames of the capture ([`keyframes`]) each get a depth map by PatchMatch
-//! ([`patchmatch`]) at half size, which in a draft starts from one at a quarter; each then checks the others
-//! ([`consistency`]); the reference's is refined at full size. Everything is in the capture's own frame and scale: the
+//! ([`patchmatch`]) at half size, which starts from one at a quarter; the reference's is refined at full size, where those of
+//! the others are known; each then checks the others ([`consistency`]). Everything is in the capture's own frame and scale: the
 //! reference camera is the identity.
 
 mod consistency;
@@ -227,23 +227,21 @@ fn inverse_depth_range(points: &[Point3<f64>], camera_from_reference: &Isometry3
     Some(((1.0 / (1.4 * at(0.99))) as f32, (1.0 / (0.4 * at(0.01))) as f32))
 }
 
-/// Photometric estimates of all views, then again at half size with each other's depths known.
+/// Depths of all views at half size, from random hypotheses at the smallest size on.
 fn estimate_half(views: &[StereoView], options: &DenseOptions) -> Vec<SupportMap> {
-    let each = 0..views.len();
     let smallest = options.halvings.max(1);
-    let mut photometric: Vec<SupportMap> =
-        each.clone().map(|i| problem(views, i, smallest, None, options).solve(None)).collect();
-    for halved in (1..smallest).rev() {
-        for (map, view) in photometric.iter_mut().zip(views) {
-            let level = &view.levels[halved].0;
-            *map = map.doubled(level.width, level.height);
-        }
-    }
-    each.map(|i| problem(views, i, 1, Some(&photometric), options).solve(Some(photometric[i].clone())))
-        .collect()
+    let estimate = |i: usize| {
+        let first = problem(views, i, smallest, None, options).solve(None);
+        (1..smallest).rev().fold(first, |map, halved| {
+            let level = &views[i].levels[halved].0;
+            let larger = map.doubled(level.width, level.height);
+            problem(views, i, halved, None, options).solve(Some(larger))
+        })
+    };
+    (0..views.len()).map(estimate).collect()
 }
 
-/// Estimation problem of one view, its image `halved` so often; `maps`: the depths of all views, if known.
+/// Estimation problem of one view, its image `halved` so often; `maps`: the depths of all views at that size, if known.
 fn problem<'a>(
     views: &'a [StereoView],
     index: usize,
@@ -280,8 +278,8 @@ fn problem<'a>(
         best_views: options.best_views,
         catching_up: options.catching_up,
         color_sigma: options.color_sigma,
-        is_first: maps.is_none(),
-        iterations: options.iterations[usize::from(maps.is_some())],
+        is_photometric: maps.is_none(),
+        iterations: options.iterations[usize::from(halved < options.halvings.max(1))],
         seed: options.seed.wrapping_add(index as u64),
     }
 }
@@ -328,7 +326,7 @@ fn refine_reference(
         best_views: options.best_views,
         catching_up: options.catching_up,
         color_sigma: options.color_sigma,
-        is_first: false,
+        is_photometric: false,
         iterations: options.iterations[2],
         seed: options.seed.wrapping_add(views.len() as u64),
     };

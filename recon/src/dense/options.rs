@@ -21,10 +21,10 @@ pub struct DenseOptions {
     pub catching_up: f32,
     /// Difference in grey levels at which a neighbour's weight in a patch falls to 1/e.
     pub color_sigma: f32,
-    /// Number of halvings of the images for the first round, from random hypotheses: at least one.
+    /// Number of halvings of the images for the first rounds, from random hypotheses: at least one.
     pub halvings: usize,
-    /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size
-    /// (with 0 rounds there, the planes of half size are only compared at full size).
+    /// Rounds of propagation: at the smallest size, from random hypotheses; at each larger one up to half; at full size with the
+    /// other views' depths known (with 0 rounds there, the planes of half size are only compared at full size).
     pub iterations: [usize; 3],
     /// Least number of key frames that must agree with a reliable depth …
     pub least_agreeing: usize,
@@ -49,8 +49,8 @@ impl Default for DenseOptions {
             best_views: 4,
             catching_up: 0.1,
             color_sigma: 10.0,
-            halvings: 1,
-            iterations: [3, 2, 1],
+            halvings: 2,
+            iterations: [3, 1, 2],
             least_agreeing: 2,
             agreement_px: 1.0,
             largest_cost: 0.6,
@@ -61,14 +61,12 @@ impl Default for DenseOptions {
 }
 
 impl DenseOptions {
-    /// Options for a first look: the first round at a quarter of the size, fewer key frames and views, and planes found at half size
-    /// only compared at full size.
+    /// Options for a first look: fewer key frames and views, and planes found at half size only compared at full size.
     pub fn draft() -> Self {
         Self {
             key_frames: 5,
             sources: 4,
             best_views: 3,
-            halvings: 2,
             iterations: [3, 1, 0],
             fuse_key_frames: false,
             ..Self::default()

@@ -90,8 +90,8 @@ pub(super) struct DepthProblem<'a> {
     pub(super) catching_up: f32,
     /// Difference in grey levels at which a neighbour's weight in a patch falls to 1/e.
     pub(super) color_sigma: f32,
-    /// Whether no coarser map is known: hypotheses then also come from far regions and at random.
-    pub(super) is_first: bool,
+    /// Whether patches alone decide, the other views' depths being unknown: hypotheses then also come from far regions and at random.
+    pub(super) is_photometric: bool,
     pub(super) iterations: usize,
     pub(super) seed: u64,
 }
@@ -239,7 +239,7 @@ impl DepthProblem<'_> {
         let pixel = y * width + x;
         let patch = StereoPatch::new(self.reference, x, y, table);
         let current = map.supports[pixel];
-        let regions = if self.is_first { &REGIONS[..] } else { &REGIONS[..NEAR_REGIONS] };
+        let regions = if self.is_photometric { &REGIONS[..] } else { &REGIONS[..NEAR_REGIONS] };
         let offered = &mut [(current, f32::MAX); REGIONS.len()][..regions.len()];
         for (offer, region) in offered.iter_mut().zip(regions) {
             for &(dx, dy) in *region {
@@ -286,7 +286,7 @@ impl DepthProblem<'_> {
             }
         };
         // A random hypothesis; then ever smaller perturbations of the best one.
-        if self.is_first {
+        if self.is_photometric {
             let drawn = self.range.0 + random.unit() * (self.range.1 - self.range.0);
             let normal = best.0.normal(u, v, camera);
             with_normal(&mut best, drawn, normal);
