@@ -35,9 +35,10 @@ pub(super) struct UncertaintyFactors {
 /// Factors for matched keypoints, whose pixels are as precise in one picture as in another.
 pub(super) const OF_KEYPOINTS: UncertaintyFactors =
     UncertaintyFactors { pixel: &[1.0], depth: &[0.5, 1.0, 2.0, 4.0, 8.0] };
-/// Factors for registered corners: how precise they are depends on the noise and the sharpness of both pictures.
+/// Factors for registered corners: how precise they are depends on the noise and the sharpness of both pictures. Were a corner
+/// allowed to be much less precise, many of another room's would agree on a pose by chance.
 pub(super) const OF_CORNERS: UncertaintyFactors =
-    UncertaintyFactors { pixel: &[0.25, 0.5, 1.0, 2.0, 4.0], depth: &[0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0] };
+    UncertaintyFactors { pixel: &[0.25, 0.5, 1.0, 1.5], depth: &[0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0] };
 
 /// Weighted reprojection of sightings.
 struct WeightedReprojection<'a> {

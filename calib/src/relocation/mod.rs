@@ -243,8 +243,9 @@ pub fn cell(pixel: &Point2<f64>, (width, height): (u32, u32)) -> u32 {
 }
 
 /// Pose of least weighted residuals near `start`, and the median distance of what it was estimated from; for sightings that
-/// are more precise than keypoints, by an amount that is estimated with the pose. Its uncertainty holds errors of depth that the sightings of a cell share, but not those
-/// that several cells share: where both halves of a picture are wrong by some percent each, it is several times too small.
+/// are more precise than keypoints. How precise they are is estimated with the pose: from a quarter to one and a half times their
+/// [`Sighting::pixel_sigma_px`]. The pose's uncertainty holds errors of depth that the sightings of a cell share, but not those that
+/// several cells share: where both halves of a picture are wrong by some percent each, it is several times too small.
 /// `matches` is the number of landmarks that were recognised.
 ///
 /// # Errors

@@ -40,7 +40,7 @@ fn pose(seed: u64) -> Isometry3<f64> {
 
 /// Sightings of points 2 to 6 m before a reference camera at the world's origin; the pixels are wrong by `noise_px`, the depths by
 /// `depth_error` of themselves, and of every ten, `wrong` are of other things.
-fn sightings_by(seed: u64, count: usize, noise_px: f64, depth_error: f64, wrong: usize) -> Vec<Sighting> {
+fn noisy_sightings(seed: u64, count: usize, noise_px: f64, depth_error: f64, wrong: usize) -> Vec<Sighting> {
     let (lens, pose, mut noise) = (lens(), pose(seed), Noise(seed));
     let mut seen = Vec::new();
     while seen.len() < count {
@@ -62,9 +62,9 @@ fn sightings_by(seed: u64, count: usize, noise_px: f64, depth_error: f64, wrong:
     seen
 }
 
-/// Sightings of keypoints.
+/// Sightings as noisy as those of keypoints.
 fn sightings(seed: u64, count: usize, depth_error: f64, wrong: usize) -> Vec<Sighting> {
-    sightings_by(seed, count, 0.4, depth_error, wrong)
+    noisy_sightings(seed, count, 0.4, depth_error, wrong)
 }
 
 fn found(seen: &[Sighting]) -> Result<Relocation, Doubt> {
@@ -109,7 +109,7 @@ fn the_precision_of_corners_is_estimated_and_used() {
     for noise_px in [0.05, 0.3] {
         let (mut squared_m, mut squared, seeds) = (0.0, [0.0; 2], 12);
         for seed in 0..seeds {
-            let corners: Vec<Sighting> = sightings_by(seed, 400, noise_px, 0.02, 2)
+            let corners: Vec<Sighting> = noisy_sightings(seed, 400, noise_px, 0.02, 2)
                 .into_iter()
                 .map(|s| Sighting { pixel_sigma_px: 0.2, ..s })
                 .collect();
