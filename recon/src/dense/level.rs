@@ -15,9 +15,9 @@ pub(super) struct PyramidLevel {
     pub(super) height: usize,
     pub(super) camera: Pinhole,
     /// Length of a row of `padded`.
-    stride: usize,
+    pub(super) stride: usize,
     /// Each pixel with the one below it, so that the four around a place lie side by side.
-    padded: Vec<[f32; 2]>,
+    pub(super) padded: Vec<[f32; 2]>,
 }
 
 impl PyramidLevel {

@@ -5,6 +5,8 @@
 //! the others are known; each then checks the others ([`consistency`]). Everything is in the capture's own frame and scale: the
 //! reference camera is the identity.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod consistency;
 mod keyframes;
 mod level;
