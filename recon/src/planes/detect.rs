@@ -2,10 +2,13 @@
 //! and the search continues in the rest (RANSAC, in the manner of R. Schnabel, R. Wahl, R. Klein, "Efficient RANSAC for
 //! point-cloud shape detection", Computer Graphics Forum 2007).
 
+use std::cmp::Reverse;
+
 use glam::Vec3;
 use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
 
 use super::PlaneOptions;
 use super::local::{CELL, Cells};
@@ -89,9 +92,9 @@ pub(super) fn planes(surface: &Surface, cells: &Cells, step: f32, options: &Plan
         (plane.at(u, v) - cell.1.w).abs() < tolerance && cell.2.dot(plane.normal) > facing
     };
     while found.len() < options.most_planes && left.len() >= least {
-        let mut best: Option<(usize, ImagePlane)> = None;
-        for _ in 0..TRIES {
-            let (cell, support, normal) = left[rng.random_range(0..left.len())];
+        let drawn: Vec<usize> = (0..TRIES).map(|_| rng.random_range(0..left.len())).collect();
+        let tried = drawn.par_iter().enumerate().map(|(order, of)| {
+            let (cell, support, normal) = left[*of];
             let (u, v) = cells.middle(cell);
             let c = support.moved(-u, -v).w;
             let plane = ImagePlane {
@@ -102,11 +105,9 @@ pub(super) fn planes(surface: &Surface, cells: &Cells, step: f32, options: &Plan
                 opposite: false,
             };
             let count = left.iter().filter(|cell| inside(cell, &plane)).count();
-            if best.as_ref().is_none_or(|b| count > b.0) {
-                best = Some((count, plane));
-            }
-        }
-        let Some((_, mut plane)) = best else { break };
+            (count, Reverse(order), plane)
+        });
+        let Some((_, _, mut plane)) = tried.max_by_key(|(count, order, _)| (*count, *order)) else { break };
         for _ in 0..4 {
             let members: Vec<_> = left.iter().filter(|cell| inside(cell, &plane)).collect();
             let Some(refined) = least_squares(&members, cells, &camera) else { break };

@@ -2,14 +2,15 @@
 //! fit the plane better than the measured depth: soft shadows and shading match at any depth, so that a plain wall
 //! beside a box leans towards the box. The box itself stops the plane: its own depth explains its outline better.
 
-use std::collections::VecDeque;
+use rayon::prelude::*;
 
 use super::photo::PhotoConsistency;
 use super::speckles::neighbours;
 use super::{ImagePlane, PlaneOptions};
 use crate::surface::Surface;
 
-/// Extends `labels` from pixel to pixel (region growing, first come first served).
+/// Extends `labels` from pixel to pixel (region growing, first come first served): all pixels beside the present border are tried
+/// at once, and those that fit are the next border.
 pub(super) fn grow(
     surface: &Surface,
     planes: &[ImagePlane],
@@ -19,25 +20,37 @@ pub(super) fn grow(
     options: &PlaneOptions,
 ) {
     let (width, height) = (surface.width(), surface.height());
-    let mut border: VecDeque<usize> = (0..labels.len()).filter(|i| labels[*i].is_some()).collect();
-    while let Some(i) = border.pop_front() {
-        let Some((k, plane)) = labels[i].and_then(|k| Some((k, planes.get(usize::from(k))?))) else {
-            continue;
+    let fits = |pixel: usize, plane: u16| {
+        let (x, y) = (pixel % width, pixel / width);
+        let (Some(own), Some(plane)) = (surface.support(pixel), planes.get(usize::from(plane))) else {
+            return false;
         };
-        for j in neighbours(i, width, height) {
-            if labels[j].is_some() {
-                continue;
+        let grown = plane.support(x as f32, y as f32);
+        if (grown.w - own.w).abs() > options.loose_tolerance_px * step {
+            return false;
+        }
+        let costs = photo.cost(x, y, &grown).zip(photo.cost(x, y, &own));
+        costs.is_some_and(|(grown, own)| grown < own)
+    };
+    let mut border: Vec<usize> = (0..labels.len()).filter(|i| labels[*i].is_some()).collect();
+    // The plane that was offered last to each pixel: once is enough.
+    let mut offered: Vec<Option<u16>> = vec![None; labels.len()];
+    while !border.is_empty() {
+        let mut offers: Vec<(usize, u16)> = Vec::new();
+        for i in border.drain(..) {
+            let Some(plane) = labels[i] else { continue };
+            for j in neighbours(i, width, height) {
+                if labels[j].is_none() && offered[j] != Some(plane) {
+                    offered[j] = Some(plane);
+                    offers.push((j, plane));
+                }
             }
-            let Some(own) = surface.support(j) else { continue };
-            let (x, y) = (j % width, j / width);
-            let grown = plane.support(x as f32, y as f32);
-            if (grown.w - own.w).abs() > options.loose_tolerance_px * step {
-                continue;
-            }
-            let costs = photo.cost(x, y, &grown).zip(photo.cost(x, y, &own));
-            if costs.is_some_and(|(grown, own)| grown < own) {
-                labels[j] = Some(k);
-                border.push_back(j);
+        }
+        let fitting: Vec<bool> = offers.par_iter().map(|(pixel, plane)| fits(*pixel, *plane)).collect();
+        for ((pixel, plane), fits) in offers.into_iter().zip(fitting) {
+            if fits && labels[pixel].is_none() {
+                labels[pixel] = Some(plane);
+                border.push(pixel);
             }
         }
     }

@@ -19,6 +19,7 @@
 pub mod edges;
 
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
+use rayon::prelude::*;
 
 /// Standard deviations σ through which the mode is tracked, degrees; the last is that of an edge's direction.
 const SIGMAS_DEG: [f64; 5] = [4.0, 2.8, 2.0, 1.4, 1.0];
@@ -98,9 +99,13 @@ pub fn against(normals: &[Vector3<f64>], supposed: &Vector3<f64>) -> Option<Line
     };
     let is_upright = |up: &Vector3<f64>| up.x.abs() < TURNED_AT_MOST && up.y < 0.0;
     let starts = PITCHES_DEG.iter().flat_map(|pitch| ROLLS_DEG.iter().map(move |roll| start(*pitch, *roll)));
-    let found = starts.filter_map(|near| agreed(normals, &near)).map(|plumb| plumb.up).filter(is_upright);
-    let voted = |up: Vector3<f64>| (number(normals, &up), up);
-    let (most, up) = found.map(voted).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let starts: Vec<Vector3<f64>> = starts.collect();
+    let from = |near: &Vector3<f64>| {
+        let up = agreed(normals, near)?.up;
+        is_upright(&up).then(|| (number(normals, &up), up))
+    };
+    let found: Vec<Option<(f64, Vector3<f64>)>> = starts.par_iter().map(from).collect();
+    let (most, up) = found.into_iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0))?;
     // Lines near the supposed vertical are its own.
     let own = agreed(normals, supposed).map_or(*supposed, |plumb| plumb.up);
     let own = if own.angle(supposed) < 3.0 * SIGMAS_DEG[0].to_radians() { own } else { *supposed };
