@@ -206,19 +206,26 @@ fn solid(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, bar
 /// Darkness of each pixel by the walls in it, 0 to 1: surfaces that block the way to the next pixel, high above the
 /// floor.
 fn walls(scene: &RayScene, raster: &Raster, cut_m: f32) -> Vec<f32> {
-    /// Reach of the segments, a little more than a pixel: hits at their very ends do not count as blocked.
-    const REACH: f32 = 0.75;
-    let blocked: Vec<f32> = raster
-        .pixels()
-        .map(|(column, row)| {
-            let is_wall = |share: &&f32| {
-                let at = |u: f32, v: f32| raster.place(u, v).extend(cut_m * **share);
-                scene.is_blocked(at(column - REACH, row), at(column + REACH, row))
-                    || scene.is_blocked(at(column, row - REACH), at(column, row + REACH))
-            };
-            WALL_HEIGHTS.iter().filter(is_wall).count() as f32 / WALL_HEIGHTS.len() as f32
-        })
-        .collect();
+    let [width, height] = [raster.width as usize, raster.height as usize];
+    let mut blocked = vec![0.0_f32; width * height];
+    for share in WALL_HEIGHTS {
+        let at = |u: f32, v: f32| raster.place(u, v).extend(cut_m * share);
+        let row = |v: usize| {
+            blocked_pixels(width, |from, to| scene.is_blocked(at(from, v as f32), at(to, v as f32)))
+        };
+        let column = |u: usize| {
+            blocked_pixels(height, |from, to| scene.is_blocked(at(u as f32, from), at(u as f32, to)))
+        };
+        let rows: Vec<Vec<bool>> = (0..height).into_par_iter().map(row).collect();
+        let columns: Vec<Vec<bool>> = (0..width).into_par_iter().map(column).collect();
+        for (i, blocked) in blocked.iter_mut().enumerate() {
+            let (u, v) = (i % width, i / width);
+            if rows[v][u] || columns[u][v] {
+                *blocked += 1.0;
+            }
+        }
+    }
+    let blocked: Vec<f32> = blocked.into_iter().map(|heights| heights / WALL_HEIGHTS.len() as f32).collect();
     // A stroke around the trace, softer at its corners.
     let strongest = |column: i64, row: i64| {
         let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
@@ -230,6 +237,29 @@ fn walls(scene: &RayScene, raster: &Raster, cut_m: f32) -> Vec<f32> {
             .fold(0.0, f32::max)
     };
     raster.pixels().map(|(column, row)| strongest(column as i64, row as i64)).collect()
+}
+
+/// Tells of each of `count` pixels in a line whether a segment along the line, from a little before the pixel to a little behind
+/// it, is blocked. A stretch of pixels is halved until it is not blocked as a whole: of a line through a room few are tested.
+///
+/// `is_blocked` tells it of a segment from one place along the line to another, in pixels.
+fn blocked_pixels(count: usize, is_blocked: impl Fn(f32, f32) -> bool) -> Vec<bool> {
+    /// Reach of the segments, a little more than a pixel: hits at their very ends do not count as blocked.
+    const REACH: f32 = 0.75;
+    let mut blocked = vec![false; count];
+    let mut stretches = vec![(0, count)];
+    while let Some((first, end)) = stretches.pop() {
+        if first == end || !is_blocked(first as f32 - REACH, (end - 1) as f32 + REACH) {
+            continue;
+        }
+        let middle = usize::midpoint(first, end);
+        if middle == first {
+            blocked[first] = true;
+        } else {
+            stretches.extend([(first, middle), (middle, end)]);
+        }
+    }
+    blocked
 }
 
 /// Soft light over the height field: the darker the higher the smoothed surroundings rise above a point.
@@ -340,6 +370,21 @@ mod tests {
             }
         }
         Geometry::Discs(discs)
+    }
+
+    #[test]
+    fn halved_stretches_find_the_blocked_pixels_that_segments_of_a_pixel_do() {
+        let raster = Raster { width: 90, height: 70, origin: Vec2::new(-1.2, 1.1), pixel_m: 0.03 };
+        let scene = RayScene::new(&shaft(1.0)).unwrap();
+        for (line, count) in [(0, 0), (33, 90), (36, 90), (66, 90)] {
+            let is_blocked = |from: f32, to: f32| {
+                let at = |u: f32| raster.place(u, line as f32).extend(1.3);
+                scene.is_blocked(at(from), at(to))
+            };
+            let alone: Vec<bool> = (0..count).map(|u| is_blocked(u as f32 - 0.75, u as f32 + 0.75)).collect();
+            assert_eq!(blocked_pixels(count, is_blocked), alone);
+            assert!(line == 0 || line == 66 || alone.iter().filter(|blocked| **blocked).count() >= 2);
+        }
     }
 
     #[test]
