@@ -2,9 +2,10 @@
 //! cameras, what is left of them at the right scale, and the depth.
 //!
 //! `cargo run --release -p tests --example hall_error -- FOLDER PROGRAM… [--seeds COUNT] [--first SEED] [--frames COUNT]
-//! [--pick-sigma PX] [--office] [--draft]`
+//! [--pick-sigma PX] [--office [--width PX]] [--draft]`
 //!
-//! Captures are kept in the folder for the next time; the rooms as well, beside them. With `--office` the rooms are offices.
+//! Captures are kept in the folder for the next time; the rooms as well, beside them. With `--office` the rooms are offices of two
+//! cameras, filmed at 640 × 480 or at another width.
 #![forbid(unsafe_code)]
 
 use std::path::Path;
@@ -19,6 +20,9 @@ use synthetic::{RoomOptions, SyntheticRoom};
 use tests::accuracy::{camera_against_floor, relative_pose};
 use tests::chain::{StepResult, run};
 
+const USAGE: &str = "FOLDER PROGRAM… [--seeds COUNT] [--first SEED] [--frames COUNT] [--pick-sigma PX] [--office [--width PX]] [--draft]";
+/// Width of an office's pictures, pixels, where none is given.
+const OFFICE_WIDTH_PX: u32 = 640;
 /// Largest error of a depth that counts as right.
 const TOLERANCE_M: f32 = 0.05;
 /// Names of the printed figures.
@@ -29,7 +33,7 @@ type Figures = [f64; FIGURES.len()];
 fn main() -> StepResult<()> {
     let (mut folder, mut programs) = (None, Vec::new());
     let (mut seeds, mut first, mut frames, mut sigma_px) = (8, 1, 24, 0.0);
-    let (mut draft, mut office) = (false, false);
+    let (mut draft, mut office, mut width) = (false, false, None);
     let mut given = std::env::args().skip(1);
     while let Some(argument) = given.next() {
         let mut number = || -> StepResult<f64> {
@@ -42,24 +46,32 @@ fn main() -> StepResult<()> {
             "--frames" => frames = number()? as usize,
             "--pick-sigma" => sigma_px = number()?,
             "--office" => office = true,
+            "--width" => width = Some(number()? as u32),
             "--draft" => draft = true,
+            _ if argument.starts_with("--") => return Err(format!("{argument}: no such option; {USAGE}")),
             _ if folder.is_none() => folder = Some(argument),
             _ => programs.push(argument),
         }
     }
-    let folder = folder.ok_or("FOLDER PROGRAM…")?;
+    let folder = folder.filter(|_| !programs.is_empty()).ok_or(USAGE)?;
+    if width.is_some() && !office {
+        return Err(format!("--width: halls have their own; with --office; {USAGE}"));
+    }
+    let width = width.unwrap_or(OFFICE_WIDTH_PX);
     println!("{:>4} {:3} {:24} {}", "seed", "of", "program", FIGURES.map(|f| format!("{f:>9}")).join(" "));
     let mut all: Vec<Vec<Figures>> = vec![Vec::new(); programs.len()];
     for seed in first..first + seeds {
         let cameras = 3 + (seed % 4) as usize;
         let truth = if office {
-            let options = RoomOptions { seed, cameras: 2, image_px: [640, 480], ..RoomOptions::default() };
+            let options =
+                RoomOptions { seed, cameras: 2, image_px: [width, width * 3 / 4], ..RoomOptions::default() };
             options.build().map_err(|e| e.to_string())?
         } else {
             tests::hall::hall(seed, cameras, false)?
         };
         let kind = if office { "office" } else { "hall" };
-        let project = Path::new(&folder).join(format!("{kind}{seed}_{frames}_{sigma_px}"));
+        let of_width = if width == OFFICE_WIDTH_PX { String::new() } else { format!("_{width}") };
+        let project = Path::new(&folder).join(format!("{kind}{seed}_{frames}_{sigma_px}{of_width}"));
         if !project.join("zones.toml").is_file() {
             tests::project::write_with_noise(&project, &truth, frames, sigma_px)?;
         }
