@@ -7,7 +7,7 @@ use std::arch::x86_64::{__m128, __m256};
 use pulp::x86::V3;
 
 use super::level::PyramidLevel;
-use super::ncc::{ASIDE, Affine, StereoPatch};
+use super::patch::{ASIDE, Affine, StereoPatch};
 
 /// [`StereoPatch::sums`] of a patch whose image lies inside the source.
 #[inline(never)]
@@ -103,7 +103,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    use crate::dense::ncc::Weights;
+    use crate::dense::patch::Weights;
 
     #[test]
     fn the_sums_are_the_same_bits_as_those_of_other_processors() {

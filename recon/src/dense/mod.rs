@@ -12,6 +12,7 @@ mod keyframes;
 mod level;
 mod ncc;
 mod options;
+mod patch;
 mod patchmatch;
 mod support;
 

@@ -10,7 +10,8 @@
 use rayon::prelude::*;
 
 use super::level::{PyramidLevel, ViewMapping};
-use super::ncc::{StereoPatch, WORST, Weights};
+use super::ncc::WORST;
+use super::patch::{StereoPatch, Weights};
 use super::support::{Support, SupportMap};
 
 /// A view in which hypotheses are evaluated.
