@@ -125,7 +125,7 @@ pub fn reconstruct(
             capture.camera_from_world[frame].map_or_else(Isometry3::identity, |pose| pose * to_reference);
         let picture = undistort.image(&capture.frames[frame]);
         let mut levels = vec![(PyramidLevel::new(&picture, &filmed, &pinhole), pinhole.clone())];
-        for halved in 0..options.halvings.max(1) {
+        for halved in 0..options.most_halvings() {
             let (level, intrinsics) = &levels[halved];
             levels.push(level.halved(intrinsics));
         }
@@ -232,7 +232,7 @@ fn inverse_depth_range(points: &[Point3<f64>], camera_from_reference: &Isometry3
 
 /// Depths of all views at half size, from random hypotheses at the smallest size on.
 fn estimate_half(views: &[StereoView], options: &DenseOptions) -> Vec<SupportMap> {
-    let smallest = options.halvings.max(1);
+    let smallest = options.most_halvings();
     let estimate = |i: usize| {
         let first = problem(views, i, smallest, None, options).solve(None);
         (1..smallest).rev().fold(first, |map, halved| {
@@ -282,7 +282,7 @@ fn problem<'a>(
         catching_up: options.catching_up,
         color_sigma: options.color_sigma,
         is_photometric: maps.is_none(),
-        iterations: options.iterations[usize::from(halved < options.halvings.max(1))],
+        iterations: options.iterations[usize::from(halved < options.most_halvings())],
         seed: options.seed.wrapping_add(index as u64),
     }
 }

@@ -72,4 +72,9 @@ impl DenseOptions {
             ..Self::default()
         }
     }
+
+    /// Number of halvings of the smallest images.
+    pub(super) fn most_halvings(&self) -> usize {
+        self.halvings.max(1)
+    }
 }
