@@ -55,7 +55,9 @@ fn main() -> StepResult<()> {
     }
     let folder = folder.filter(|_| !programs.is_empty()).ok_or(USAGE)?;
     if width.is_some() && !office {
-        return Err(format!("--width: halls have their own; with --office; {USAGE}"));
+        return Err(format!(
+            "--width goes with --office, since a hall's pictures have a fixed size; {USAGE}"
+        ));
     }
     let width = width.unwrap_or(OFFICE_WIDTH_PX);
     println!("{:>4} {:3} {:24} {}", "seed", "of", "program", FIGURES.map(|f| format!("{f:>9}")).join(" "));

@@ -86,11 +86,11 @@ fn between(cpu: V3, level: &PyramidLevel, x: __m256, y: __m256) -> __m256 {
     let (lefts, rights) = (avx._mm256_unpacklo_ps(first, second), avx._mm256_unpackhi_ps(first, second));
     let (more_lefts, more_rights) =
         (avx._mm256_unpacklo_ps(third, fourth), avx._mm256_unpackhi_ps(third, fourth));
-    let upper = |a: __m256, b: __m256| avx._mm256_shuffle_ps::<0b01_00_01_00>(a, b);
-    let lower = |a: __m256, b: __m256| avx._mm256_shuffle_ps::<0b11_10_11_10>(a, b);
+    let tops = |a: __m256, b: __m256| avx._mm256_shuffle_ps::<0b01_00_01_00>(a, b);
+    let bottoms = |a: __m256, b: __m256| avx._mm256_shuffle_ps::<0b11_10_11_10>(a, b);
     mixed(
-        mixed(upper(lefts, more_lefts), upper(rights, more_rights), fx),
-        mixed(lower(lefts, more_lefts), lower(rights, more_rights), fx),
+        mixed(tops(lefts, more_lefts), tops(rights, more_rights), fx),
+        mixed(bottoms(lefts, more_lefts), bottoms(rights, more_rights), fx),
         fy,
     )
 }
